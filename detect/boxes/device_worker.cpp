@@ -5,6 +5,7 @@
 #include <new>
 #include <string_view>
 
+#include "detect/core/errors.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -42,13 +43,13 @@ std::uint64_t DeviceWorker::host_memory() const {
   return (on_host_ ? detector_.memory() : 0) + pairs_.capacity() * sizeof(WidePair);
 }
 
-void DeviceWorker::fail(const std::string& reason) const {
+void DeviceWorker::fail(const Failure& failure) const {
   const std::string box = "box " + std::to_string(box_),
                     device = on_host_ ? "the CPU" : "GPU " + std::to_string(device_.device);
-  if (options_.memory_limit && reason.find("memory") != std::string::npos)
+  if (options_.memory_limit && failure.of_memory)
     throw Error(box + " needs more memory on " + device + " than the " +
                 std::to_string(options_.memory_limit) + " bytes that its limit leaves it: raise the limit");
-  throw Error(box + " failed on " + device + ": " + reason);
+  throw Error(box + " failed on " + device + ": " + failure.reason);
 }
 
 BoxResult DeviceWorker::run(const BoxLoad& load, std::uint32_t box, const CallOptions& options, int threads,
@@ -79,19 +80,21 @@ BoxResult DeviceWorker::find(const BoxLoad& load, std::uint64_t copied, Delivery
       return {contacts->count,
               hash_.of(device_.device, contacts->pairs, contacts->count, {load.ids.data(), load.loose}),
               contacts->doubtful};
+  } catch (const MemoryError& e) {
+    return split(load, copied, {e.what(), true}, delivery);
   } catch (const Error& e) {
-    return split(load, copied, e.what(), delivery);
+    return split(load, copied, {e.what(), false}, delivery);
   } catch (const std::bad_alloc&) {
-    return split(load, copied, "there is not enough memory", delivery);
+    return split(load, copied, {"there is not enough memory", true}, delivery);
   }
   return deliver(load, *contacts, delivery);
 }
 
 // The input was checked before, so the likely reason of a failure is memory. For any other reason the halves
 // fail too, and the smallest one says so.
-BoxResult DeviceWorker::split(const BoxLoad& load, std::uint64_t copied, const std::string& reason,
+BoxResult DeviceWorker::split(const BoxLoad& load, std::uint64_t copied, const Failure& failure,
                               Delivery& delivery) {
-  if (load.spheres() < kSmallestSplit) fail(reason);
+  if (load.spheres() < kSmallestSplit) fail(failure);
   detector_ = detector_on(device_), hash_.release();  // gives their memory back
   const Input input = load.input();
   Assignment assignment(input, threads_);
@@ -99,7 +102,7 @@ BoxResult DeviceWorker::split(const BoxLoad& load, std::uint64_t copied, const s
   const BoxTree halves = cut_space(assignment.sample(kSplitSample), 2, load.region, threads_);
   assignment.count(halves, kSplitSample);
   const std::uint64_t larger_half = std::max(assignment.spheres_of(0), assignment.spheres_of(1));
-  if (larger_half > load.spheres() / 16 * 15) fail(reason);  // they all meet at one place
+  if (larger_half > load.spheres() / 16 * 15) fail(failure);  // they all meet at one place
   BoxResult sum;
   sum.splits = 1;
   for (std::uint32_t half = 0; half < 2; half++) {

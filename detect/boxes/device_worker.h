@@ -45,10 +45,14 @@ class DeviceWorker {
                 Delivery& delivery);
 
  private:
+  struct Failure {
+    std::string reason;
+    bool of_memory;
+  };
   BoxResult find(const BoxLoad& load, std::uint64_t copied, Delivery& delivery);
-  BoxResult split(const BoxLoad& load, std::uint64_t copied, const std::string& reason, Delivery& delivery);
+  BoxResult split(const BoxLoad& load, std::uint64_t copied, const Failure& failure, Delivery& delivery);
   BoxResult deliver(const BoxLoad& load, const Contacts& contacts, Delivery& delivery);
-  [[noreturn]] void fail(const std::string& reason) const;
+  [[noreturn]] void fail(const Failure& failure) const;
 
   DeviceChoice device_;
   Detector detector_;

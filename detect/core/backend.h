@@ -23,7 +23,7 @@ class Backend {
 
   // Finds the contacts by options.path. The caller has checked the options (check_options); the backend
   // checks the input (check_input). Throws Error with fault_sentence for the first faulty sphere, and with
-  // memory_sentence if there is not enough memory. The backend can be used again after that.
+  // MemoryError if there is not enough memory. The backend can be used again after that.
   virtual Contacts detect(const Input& input, const CallOptions& options) = 0;
 
   // Detector::detect_worlds(), after the checks that detect() asks of the caller.

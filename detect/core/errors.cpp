@@ -103,9 +103,8 @@ std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world,
          (worlds == 0 ? "no world" : "worlds 0 to " + std::to_string(worlds - 1)) + ": ask for more worlds";
 }
 
-std::string memory_sentence(std::uint64_t bytes, const char* what, const char* where) {
-  return std::to_string(bytes) + " bytes of " + where + " memory are needed for " + what +
-         ", but are not available: divide the scene into boxes or ask for a narrower record";
-}
+MemoryError::MemoryError(std::uint64_t bytes, const char* what, const char* where)
+    : Error(std::to_string(bytes) + " bytes of " + where + " memory are needed for " + what +
+            ", but are not available: divide the scene into boxes or ask for a narrower record") {}
 
 }  // namespace padder::detect

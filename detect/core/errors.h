@@ -6,6 +6,7 @@
 
 #include "detect/core/grid.h"
 #include "detect/detector.h"
+#include "padding/asset/error.h"
 
 namespace padder::detect {
 
@@ -28,7 +29,11 @@ void check_range(const Summary& summary, const CallOptions& options);
 std::string fault_sentence(std::uint64_t index, const Sphere& sphere, const Input& input);
 // A body (or a loose sphere) is in a world that detect_worlds() was not asked for.
 std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world, std::uint32_t worlds);
-// How much memory is missing, for what, and what the caller can do. `where`: host or device.
-std::string memory_sentence(std::uint64_t bytes_needed, const char* what, const char* where);
+
+// There is not enough memory. Says how much is missing, for what, and what the caller can do.
+class MemoryError : public Error {
+ public:
+  MemoryError(std::uint64_t bytes_needed, const char* what, const char* where);  // where: host or GPU
+};
 
 }  // namespace padder::detect

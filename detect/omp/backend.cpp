@@ -42,9 +42,7 @@ bool Budget::take(std::uint64_t bytes) {
   return ok;
 }
 
-void throw_memory(std::uint64_t bytes, const char* what) {
-  throw Error(memory_sentence(bytes, what, "host"));
-}
+void throw_memory(std::uint64_t bytes, const char* what) { throw MemoryError(bytes, what, "host"); }
 
 Stopwatch::Stopwatch() : last_(omp_get_wtime()) {}
 double Stopwatch::lap() {

@@ -29,7 +29,7 @@ struct MemoryBook {
 
 // Memory that grows and never shrinks; contents are lost when it grows. What grows once will grow again, so
 // it takes an eighth more than it needs, if that is to be had; of a roomy book it does so at once, as long as
-// half of the GPU's memory stays free. Throws Error (memory_sentence).
+// half of the GPU's memory stays free. Throws MemoryError.
 template <class T>
 class Buffer {
  public:
@@ -45,8 +45,7 @@ class Buffer {
     release();
     const cudaError_t e = grows && allocate(count + count / 8) == cudaSuccess ? cudaSuccess : allocate(count);
     if (e == cudaErrorMemoryAllocation)
-      throw Error(
-          memory_sentence((pinned_ ? 0 : book_->held) + count * sizeof(T), what_, pinned_ ? "host" : "GPU"));
+      throw MemoryError((pinned_ ? 0 : book_->held) + count * sizeof(T), what_, pinned_ ? "host" : "GPU");
     cuda_check(e, "allocate memory");
     return data_;
   }
