@@ -125,10 +125,20 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
   for (std::size_t k = 0; k < n; k++) {
     const std::uint32_t t = tree_.triangles()[k];
     const Point& a = mesh_.corner(t, 0);
-    slots_[k] = {a, mesh_.corner(t, 1) - a, mesh_.corner(t, 2) - a};
+    slots_[k] = {a, mesh_.corner(t, 1) - a, mesh_.corner(t, 2) - a, {}, 0};
+    slots_[k].find_normal();
   }
   cut_needles();
   find_normals();
+}
+
+void Surface::Slot::find_normal() {
+  constexpr double least = 1e-14, epsilon = std::numeric_limits<double>::epsilon();
+  const Vector n = ab.cross(ac);
+  const double length = n.norm();
+  normal = length > 0 ? Vector(n / length) : Vector::Zero();
+  // Where the angle between the sides is a rounding error, there is no normal, and nothing is said.
+  doubt = length > 0 ? std::max(least, 8 * epsilon * ab.norm() * ac.norm() / length) : 1;
 }
 
 // A needle that lies across the axes has a box of many times its area. The centre of a star of thousands of
@@ -160,7 +170,8 @@ void Surface::cut_needles() {
   std::vector<std::uint32_t> slot_of;
   const double most = std::clamp(double(most_parts) / double(slots_.size()), 1.0, most_cuts);
   for (std::uint32_t k = 0; k < slots_.size(); k++) {
-    const auto& [a, ab, ac] = slots_[k];
+    const Point& a = slots_[k].a;
+    const Vector &ab = slots_[k].ab, &ac = slots_[k].ac;
     const double excess = boxes_of(slots_[k])[1];
     // The steps are rounded, and a ray must not slip through between two boxes.
     const Vector slack = 1e-15 * (a.cwiseAbs() + ab.cwiseAbs() + ac.cwiseAbs());
@@ -262,11 +273,13 @@ Nearest Surface::nearest(const Point& p, double limit) const {
   Nearest best;
   double limit2 = limit * limit;
   bool found = false;
+  const double size = p.cwiseAbs().sum();
   near_tree().visit_near(p, limit2, [&](std::uint32_t part) {
     Point q;
     int feature;
     const std::uint32_t k = parts_ ? parts_->slot[part] : part;
     const Slot& slot = slots_[k];
+    if (const double least = slot.at_least(p, size); least > 0 && least * least >= limit2) return false;
     const double d2 = closest(p, slot.a, slot.ab, slot.ac, q, feature);
     if (d2 < limit2) limit2 = d2, best.point = q, best.triangle = tree_.triangles()[k], found = true;
     return false;
@@ -286,11 +299,13 @@ Nearest Surface::clearance(const Point& p, double limit) const {
   Entry stack[TriangleTree::kStackSize];
   int top = 0;
   stack[top++] = {-std::numeric_limits<double>::infinity(), 0, 0};
+  const double size = p.cwiseAbs().sum();
   while (top > 0) {
     const Entry entry = stack[--top];
     if (entry.least >= limit) continue;
     for (std::uint32_t k = entry.child; k < entry.child + entry.count; k++) {
       const Slot& slot = slots_[k];
+      if (slot.at_least(p, size) - slot_standoff_[k] >= limit) continue;
       Point q;
       int feature;
       const double distance = std::sqrt(closest(p, slot.a, slot.ab, slot.ac, q, feature));
@@ -493,11 +508,13 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
 
 bool Surface::any_within(const Point& p, double limit) const {
   double limit2 = limit * limit;
+  const double size = p.cwiseAbs().sum();
   bool found = false;
   near_tree().visit_near(p, limit2, [&](std::uint32_t part) {
     Point q;
     int feature;
     const Slot& slot = slots_[parts_ ? parts_->slot[part] : part];
+    if (slot.at_least(p, size) >= limit) return false;
     return found = closest(p, slot.a, slot.ab, slot.ac, q, feature) < limit2;
   });
   return found;

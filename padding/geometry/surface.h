@@ -135,8 +135,21 @@ class Surface {
   const Box& bounds() const { return bounds_; }
 
  private:
-  struct Slot {  // a triangle of the tree's, prepared for distances
-    Point a, ab, ac;
+  // A triangle of the tree's, prepared for distances. Balls touch the inside of a cylinder along a circle:
+  // hundreds of triangles are about as near then, and the distance from their plane tells of nearly all of
+  // them that they are not the nearest.
+  struct Slot {
+    Point a;
+    Vector ab, ac;
+    Vector normal;       // of length 1
+    double doubt;        // how far rounding may have turned the normal, radians, and more
+    void find_normal();  // of the others
+
+    // No point of the triangle is nearer to p than this, however distances are rounded. `size`: |p| or more.
+    double at_least(const Point& p, double size) const {
+      const Vector from = p - a;
+      return std::abs(normal.dot(from)) - doubt * (from.cwiseAbs().sum() + size);
+    }
   };
 
   Nearest signed_nearest_in_hull(const Point& p, const Nearest& nearest) const;
