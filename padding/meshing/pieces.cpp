@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <map>
+#include <numbers>
 #include <numeric>
 #include <span>
 #include <utility>
@@ -169,33 +170,64 @@ class Skin {
     return rims;
   }
 
+  // A triangle at an edge, as one turns round it.
+  struct Leaf {
+    static constexpr double kSame = 1e-9;  // angles that differ by rounding alone
+    double angle;
+    std::uint32_t face;
+    bool faces_ahead;             // its front looks to where one turns
+    std::uint32_t ahead, behind;  // its sides
+  };
+
+  // By angle. Of triangles that lie on each other, as where a face is given twice, cut along one diagonal and
+  // along the other, it must be the same face along all edges that is nearer to the body: the first of two
+  // faces lies behind the other one, seen from its front.
+  static void sort_round(std::vector<Leaf>& leaves) {
+    const auto by_angle = [](const Leaf& a, const Leaf& b) { return a.angle < b.angle; };
+    std::stable_sort(leaves.begin(), leaves.end(), by_angle);
+    for (auto begin = leaves.begin(), end = begin; begin != leaves.end(); begin = end) {
+      while (end != leaves.end() && end->angle - begin->angle < Leaf::kSame) end++;
+      std::stable_sort(begin, end, [](const Leaf& a, const Leaf& b) {
+        return a.face < b.face ? a.faces_ahead : a.face > b.face && !b.faces_ahead;
+      });
+    }
+  }
+
   void find_shells() {
     parent_.resize(2 * triangles_.size());
     std::iota(parent_.begin(), parent_.end(), 0u);
     std::map<std::uint32_t, std::uint32_t> local;
     for (const auto t : triangles_) local.emplace(t, static_cast<std::uint32_t>(local.size()));
     const std::vector<Side> sides = sides_of(mesh_, triangles_);
-    struct Leaf {
-      double angle;
-      std::uint32_t ahead, behind;  // its sides, as one turns round the edge
-    };
+    std::vector<std::uint32_t> face(triangles_.size());  // triangles that two-sided edges hold together
+    std::iota(face.begin(), face.end(), 0u);
+    for_edges(sides, [&](std::size_t begin, std::size_t end) {
+      if (end - begin != 2) return;
+      const auto a = root_of(face, local.at(sides[begin].triangle)),
+                 b = root_of(face, local.at(sides[begin + 1].triangle));
+      face[std::max(a, b)] = std::min(a, b);
+    });
     std::vector<Leaf> leaves;
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
-      const Point& low = mesh_.points[sides[begin].edge >> 32];
-      const Vector along = (mesh_.points[sides[begin].edge & 0xffffffffu] - low).normalized();
-      const Vector x = along.unitOrthogonal(), y = along.cross(x);
+      const Point &low = mesh_.points[sides[begin].edge >> 32],
+                  &high = mesh_.points[sides[begin].edge & 0xffffffffu];
+      const Vector along = (high - low).normalized();
       leaves.clear();
+      Vector x = Vector::Zero();
       for (std::size_t k = begin; k < end; k++) {
         Vector away = Vector::Zero();
         for (const auto v : mesh_.triangles[sides[k].triangle]) away += mesh_.points[v] - low;
-        away -= (mesh_.points[sides[begin].edge & 0xffffffffu] - low);  // to the third corner
-        const std::uint32_t front = 2 * local.at(sides[k].triangle);
+        away -= high - low;  // to the third corner
+        if (k == begin) x = (away - away.dot(along) * along).normalized();
+        const Vector y = along.cross(x);
+        double angle = std::atan2(away.dot(y), away.dot(x));  // from the first one on
+        if (angle < -Leaf::kSame) angle += 2 * std::numbers::pi;
+        const std::uint32_t at = local.at(sides[k].triangle), front = 2 * at;
         const bool ahead = sides[k].direction > 0;
         leaves.push_back(
-            {std::atan2(away.dot(y), away.dot(x)), ahead ? front : front + 1, ahead ? front + 1 : front});
+            {angle, root_of(face, at), ahead, ahead ? front : front + 1, ahead ? front + 1 : front});
       }
-      std::stable_sort(leaves.begin(), leaves.end(),
-                       [](const Leaf& a, const Leaf& b) { return a.angle < b.angle; });
+      sort_round(leaves);
       for (std::size_t k = 0; k < leaves.size(); k++) {
         const auto a = root_of(parent_, leaves[k].ahead),
                    b = root_of(parent_, leaves[(k + 1) % leaves.size()].behind);

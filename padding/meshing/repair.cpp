@@ -187,9 +187,10 @@ std::string words(const Repaired& body, double diagonal) {
     report.add("took " + count_of(s.copies, "inner shell") +
                " for a copy or a coarser level of the one around it");
   if (s.cavities > 0) report.add(cavities_text(s.cavities));
-  if (s.sheet_area > 0) {
+  constexpr double crumbs = 1e-5;  // of the area: not worth a word, and in RepairSteps all the same
+  if (body.kind == BodyKind::sheet || s.sheet_area > crumbs * area) {
     std::string why;
-    if (s.sheet_pieces > 0) {
+    if (s.sheet_pieces > 0 && s.sheet_rim > 0) {
       char text[160];
       std::snprintf(text, sizeof text,
                     " (its widest hole is %.3g diagonals around; mean winding number inside it %.2f)",

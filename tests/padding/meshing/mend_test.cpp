@@ -574,6 +574,32 @@ TEST(Mend, FacesWithTwoSidesCountOnce) {
 }
 
 // Cut along their crossings they would be some millions of triangles.
+// Cut along one diagonal and along the other: all edges of the face have three triangles. The triangles stand
+// in any order in the file, and the second face may look inward.
+TEST(Mend, AFaceThatIsGivenTwiceWithAnotherDiagonalCountsOnce) {
+  RandomInput random(11);
+  for (int k = 0; k < 40; k++) {
+    Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+    std::vector<std::array<std::uint32_t, 3>> top;
+    for (const auto& t : cube.triangles)
+      if (cube.points[t[0]].z() + cube.points[t[1]].z() + cube.points[t[2]].z() == 3) top.push_back(t);
+    ASSERT_EQ(top.size(), 2u);
+    for (std::uint32_t v = 0; v < 3; v++)  // the corner of the first that the second has not
+      if (std::find(top[1].begin(), top[1].end(), top[0][0]) != top[1].end())
+        std::rotate(top[0].begin(), top[0].begin() + 1, top[0].end());
+    const auto [a, b, c] = top[0];
+    const std::uint32_t d = top[1][0] ^ top[1][1] ^ top[1][2] ^ b ^ c;
+    const bool inward = k % 2 == 0;
+    cube.triangles.push_back(inward ? std::array{a, d, b} : std::array{a, b, d});
+    cube.triangles.push_back(inward ? std::array{a, c, d} : std::array{a, d, c});
+    for (std::size_t t = cube.triangles.size(); t-- > 1;)
+      std::swap(cube.triangles[t], cube.triangles[static_cast<std::size_t>(random.uniform(0, double(t)))]);
+    const Repaired r = mended(moved(cube, random.rotation(), random.direction()));
+    EXPECT_EQ(r.kind, BodyKind::solid) << k;
+    EXPECT_NEAR(volume(r), 1, 1e-12) << k;
+  }
+}
+
 TEST(Mend, SheetsThatCrossAreNotCut) {
   RandomInput random(5);
   Mesh mesh;
