@@ -165,6 +165,9 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
   const std::string ending = reading::lower_case(path.extension().string());
   if (std::ranges::find(mesh_endings(), ending) == mesh_endings().end()) {
     if (std::error_code code; !std::filesystem::exists(path, code)) read_file(path);  // says so
+    if (ending == ".sdf" || ending == ".world" || ending.starts_with(".usd"))
+      fail(where, "robots and scenes are read from .urdf, .xacro and MJCF (.xml), not from " + ending +
+                      ": convert it to one of these, or name its mesh files");
     std::string known;
     for (const std::string& e : mesh_endings()) known += (known.empty() ? "" : ", ") + e;
     fail(where, (ending.empty() ? "it has no ending" : "no mesh format is known by the ending " + ending) +

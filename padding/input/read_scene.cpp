@@ -17,6 +17,8 @@
 #include <cmath>
 #include <map>
 #include <new>
+#include <pugixml.hpp>
+#include <sstream>
 #include <string_view>
 #include <utility>
 
@@ -96,6 +98,19 @@ std::string unit_of(const aiScene& scene, const std::string& ending, double& fac
     if (std::abs(centimetres - size) < 1e-6 * size) return unit;
   factor = centimetres;
   return "cm";
+}
+
+// A COLLADA without its images and materials. assimp 5.2 reads no file that has an image without a name, or a
+// colour that begins with a blank, though nothing of them is asked for.
+std::string without_looks(const std::string& collada) {
+  pugi::xml_document document;
+  if (!document.load_buffer(collada.data(), collada.size())) return collada;
+  for (const char* library : {"library_images", "library_effects", "library_materials"})
+    while (document.child("COLLADA").remove_child(library)) {
+    }
+  std::ostringstream out;
+  document.save(out, "", pugi::format_raw);
+  return std::move(out).str();
 }
 
 Eigen::Matrix4d matrix(const aiMatrix4x4& m) {
@@ -283,6 +298,7 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   // Of COLLADA no skin is looked at, as RViz, MoveIt and Gazebo do.
   const bool gltf = ending == ".gltf" || ending == ".glb";
   ImportLog log;
+  std::string plain;  // outlives the importer, which reads from it
   Assimp::Importer importer;
   importer.SetIOHandler(new Files(bytes, path, beside));  // the importer owns it
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
@@ -299,10 +315,16 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   // ROS and Gazebo look at no up axis of COLLADA, and its files are made for them.
   importer.SetPropertyBool(AI_CONFIG_IMPORT_COLLADA_IGNORE_UP_DIRECTION, true);
   const aiScene* scene = importer.ReadFile(where, aiProcess_RemoveComponent);
-  if (std::string_view(importer.GetErrorString()).find("bad_alloc") != std::string_view::npos)
+  const std::string error = importer.GetErrorString();
+  if (error.find("bad_alloc") != std::string::npos)
     throw std::bad_alloc();  // nodes of a COLLADA that multiply one another, say
+  if (!scene && ending == ".dae") {
+    plain = without_looks(bytes);
+    importer.SetIOHandler(new Files(plain, path, beside));
+    scene = importer.ReadFile(where, aiProcess_RemoveComponent);
+  }
   if (!scene || !scene->mRootNode)
-    fail(where, "assimp cannot read it (" + one_line(importer.GetErrorString()) +
+    fail(where, "assimp cannot read it (" + one_line(error) +
                     "): check that the file is whole, beside the files it refers to, and has the ending of "
                     "its format");
   // assimp drops such faces and only says so in its log.

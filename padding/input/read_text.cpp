@@ -138,6 +138,9 @@ Soup read_obj(std::string& bytes, const std::string& where) {
 }
 
 Soup read_off(const std::string& bytes, const std::string& where) {
+  if (const std::string_view first = std::string_view(bytes).substr(0, bytes.find('\n'));
+      first.find("BINARY") != first.npos)
+    fail(where, "binary OFF is not read: save it as text, or as STL or PLY");
   refuse_binary(bytes, where, "OFF");
   Lines lines(bytes);
   std::string_view line;

@@ -45,6 +45,7 @@ class UrdfReader {
     for (const auto& joint : robot.children("joint")) add_joint(joint);
     check_mimics();
     if (!collision) urdf.notes.push_back("no link has collision geometry: the visual geometry was padded");
+    if (!bare_.empty()) urdf.notes.push_back(bare_links(visual ? "collision" : "visual"));
     for (const Body& b : bodies_)
       if (b.joint.lower > b.joint.upper)
         urdf.notes.push_back("joint " + excerpt(b.joint.name) +
@@ -79,6 +80,15 @@ class UrdfReader {
     return out;
   }
 
+  std::string bare_links(const char* has) const {
+    constexpr std::size_t most = 5;
+    std::string note = std::string("links that have ") + has + " geometry alone get no spheres: ";
+    for (std::size_t k = 0; k < std::min(most, bare_.size()); k++)
+      note += (k > 0 ? ", " : "") + excerpt(bare_[k]);
+    if (bare_.size() > most) note += " and " + std::to_string(bare_.size() - most) + " more";
+    return note;
+  }
+
   [[noreturn]] void fail(const std::string& what) const { throw Error(path_.string() + ": " + what); }
 
   // An empty attribute gives `otherwise`.
@@ -95,27 +105,31 @@ class UrdfReader {
       blanks();
       if (text != end && *text == '+') text++;
       const auto [next, code] = std::from_chars(text, end, v[k]);
-      if (code != std::errc() || !std::isfinite(v[k]))
-        fail(where + ": three numbers are wanted, not \"" + excerpt(attribute.as_string()) + "\"");
+      if (code != std::errc() || !std::isfinite(v[k])) fail(where + ": " + wants("three numbers", attribute));
       text = next;
     }
     blanks();
-    if (text != end)
-      fail(where + ": three numbers are wanted, not \"" + excerpt(attribute.as_string()) + "\"");
+    if (text != end) fail(where + ": " + wants("three numbers", attribute));
     return v;
   }
-  double one(const pugi::xml_attribute& attribute, const std::string& where) const {
+  static std::string wants(const char* what, const pugi::xml_attribute& attribute) {
+    return std::string(attribute.name()) + " wants " + what + ", not \"" + excerpt(attribute.as_string()) +
+           "\"";
+  }
+  double one(const pugi::xml_node& node, const char* name, const std::string& where) const {
+    const pugi::xml_attribute attribute = node.attribute(name);
+    if (!attribute) fail(where + ": a number is wanted as its " + name);
     const char* text = attribute.as_string();
     const char* end = text + std::strlen(text);
     double v = 0;
     const auto [next, code] = std::from_chars(text, end, v);
     if (code != std::errc() || next != end || !std::isfinite(v))
-      fail(where + ": a number is wanted, not \"" + excerpt(text) + "\"");
+      fail(where + ": " + wants("a number", attribute));
     return v;
   }
-  double positive(const pugi::xml_attribute& attribute, const std::string& where) const {
-    const double v = one(attribute, where);
-    if (!(v > 0)) fail(where + ": a number above 0 is wanted");
+  double positive(const pugi::xml_node& node, const char* name, const std::string& where) const {
+    const double v = one(node, name, where);
+    if (!(v > 0)) fail(where + ": " + wants("a number above 0", node.attribute(name)));
     return v;
   }
 
@@ -175,34 +189,37 @@ class UrdfReader {
         if (!(shape.size.minCoeff() > 0)) fail(where + ": a box has no positive size");
       } else if (const auto cylinder = geometry.child("cylinder")) {
         shape.type = UrdfShape::Type::cylinder;
-        const double r = positive(cylinder.attribute("radius"), where);
-        shape.size = {r, r, positive(cylinder.attribute("length"), where)};
+        const double r = positive(cylinder, "radius", where);
+        shape.size = {r, r, positive(cylinder, "length", where)};
       } else if (const auto capsule = geometry.child("capsule")) {
         shape.type = UrdfShape::Type::capsule;
-        const double r = positive(capsule.attribute("radius"), where);
-        shape.size = {r, r, positive(capsule.attribute("length"), where)};
+        const double r = positive(capsule, "radius", where);
+        shape.size = {r, r, positive(capsule, "length", where)};
       } else if (const auto sphere = geometry.child("sphere")) {
-        if (one(sphere.attribute("radius"), where) == 0) {  // a place where Drake looks for contacts
+        if (one(sphere, "radius", where) == 0) {  // a place where Drake looks for contacts
           urdf.notes.push_back(link.name + ": a sphere of radius 0, which is a point, was left out");
           continue;
         }
         shape.type = UrdfShape::Type::sphere;
-        shape.size = Vector::Constant(positive(sphere.attribute("radius"), where));
+        shape.size = Vector::Constant(positive(sphere, "radius", where));
       } else {
         fail(where + ": its geometry is none of mesh, box, cylinder, capsule, sphere");
       }
       link.shapes.push_back(std::move(shape));
     }
+    const char* other = std::string_view(kind) == "collision" ? "visual" : "collision";
+    if (link.shapes.empty() && node.child(other)) bare_.push_back(link.name);
     if (const auto inertial = node.child("inertial")) {
       const auto m = inertial.child("inertia");
       const Eigen::Isometry3d frame = place(inertial.child("origin"), where);
       Inertial i;
-      i.mass = one(inertial.child("mass").attribute("value"), where);
+      i.mass = one(inertial.child("mass"), "value", where);
       i.center = frame.translation();
       const char* names[3][3] = {{"ixx", "ixy", "ixz"}, {"ixy", "iyy", "iyz"}, {"ixz", "iyz", "izz"}};
       for (int row = 0; row < 3; row++)
         for (int column = 0; column < 3; column++)
-          i.inertia(row, column) = one(m.attribute(names[row][column]), where);
+          if (const char* name = names[row][column]; row == column || m.attribute(name))
+            i.inertia(row, column) = one(m, name, where);
       i.inertia = frame.linear() * i.inertia * frame.linear().transpose();
       body.inertial = i;
     }
@@ -225,7 +242,9 @@ class UrdfReader {
     joint.type = type->second;
     const auto link = [&](const char* which) {
       const auto it = index_.find(node.child(which).attribute("link").as_string());
-      if (it == index_.end()) fail(where + ": its " + which + " is not a link of this robot");
+      if (it == index_.end())
+        fail(where + ": its " + which + " \"" + excerpt(node.child(which).attribute("link").as_string()) +
+             "\" is not a link of this robot");
       return it->second;
     };
     const std::size_t parent = link("parent"), child = link("child");
@@ -237,19 +256,19 @@ class UrdfReader {
     if (turns) joint.axis = axis.normalized();
     if (const auto limit = node.child("limit");
         limit && (joint.type == Joint::Type::revolute || joint.type == Joint::Type::prismatic)) {
-      if (limit.attribute("lower")) joint.lower = one(limit.attribute("lower"), where);
-      if (limit.attribute("upper")) joint.upper = one(limit.attribute("upper"), where);
+      if (limit.attribute("lower")) joint.lower = one(limit, "lower", where);
+      if (limit.attribute("upper")) joint.upper = one(limit, "upper", where);
     }
-    const auto or_default = [&](const pugi::xml_attribute& attribute, double otherwise) {
-      return attribute ? one(attribute, where) : otherwise;
+    const auto or_default = [&](const pugi::xml_node& element, const char* name, double otherwise) {
+      return element.attribute(name) ? one(element, name, where) : otherwise;
     };
-    joint.effort = or_default(node.child("limit").attribute("effort"), 0);
-    joint.damping = or_default(node.child("dynamics").attribute("damping"), 0);
-    joint.friction = or_default(node.child("dynamics").attribute("friction"), 0);
+    joint.effort = or_default(node.child("limit"), "effort", 0);
+    joint.damping = or_default(node.child("dynamics"), "damping", 0);
+    joint.friction = or_default(node.child("dynamics"), "friction", 0);
     if (const auto mimic = node.child("mimic")) {
       joint.mimic = mimic.attribute("joint").as_string();
-      joint.multiplier = or_default(mimic.attribute("multiplier"), 1);
-      joint.offset = or_default(mimic.attribute("offset"), 0);
+      joint.multiplier = or_default(mimic, "multiplier", 1);
+      joint.offset = or_default(mimic, "offset", 0);
     }
     parents_[child] = static_cast<int>(parent);
     bodies_[child].joint = std::move(joint);
@@ -306,6 +325,7 @@ class UrdfReader {
   std::vector<int> parents_;
   std::map<std::string, std::size_t, std::less<>> index_;
   std::set<std::string> joint_names_;
+  std::vector<std::string> bare_;  // links that have no shapes of the kind asked for, but of the other
 };
 
 // The rigid groups, parents first. Links that fixed joints connect are one group.

@@ -52,16 +52,18 @@ class MjcfReader {
     for (const xml_node& world : file_.root().children("worldbody"))
       add_children(world, 0, Eigen::Isometry3d::Identity(), "");
     take_geoms();
+    for (const xml_node& section : file_.root().children("deformable"))
+      for (const xml_node& child : section.children()) soft_ += std::string_view(child.name()) == "flex";
     for (const xml_node& section : file_.root().children("equality"))
       for (const xml_node& joint : section.children("joint")) add_mimic(joint);
     for (const xml_node& section : file_.root().children("actuator"))
       for (const xml_node& actuator : section.children()) add_effort(actuator);
     keep_apart();
-    if (planes_ > 0)
-      note(std::to_string(planes_) + " planes or height fields were left out: they are the ground");
+    if (planes_ > 0) note("planes and height fields, which are left out: " + std::to_string(planes_));
     if (weightless_ > 0)
-      note(std::to_string(weightless_) +
-           " bodies without <inertial>: their mass follows from a density, not from their geoms");
+      note("bodies without <inertial>, whose mass follows from a density and not from their geoms: " +
+           std::to_string(weightless_));
+    if (soft_ > 0) note("soft bodies (flex), which are left out: " + std::to_string(soft_));
     return std::move(urdf_);
   }
 
@@ -84,7 +86,11 @@ class MjcfReader {
     const MjcfElement e = file_.with_defaults(node, "");
     const std::string reference = node.attribute("file").as_string();
     if (reference.empty())
-      file_.fail(node, "it names no file: vertices in the MJCF itself are not read, write them to an .obj");
+      file_.fail(
+          node,
+          node.attribute("vertex")
+              ? "it names no file: vertices in the MJCF itself are not read, write them to an .obj"
+              : "it names no file: what MuJoCo or a plugin makes itself is not read, write it to an .obj");
     fs::path file = reference;
     if (file_.compiler("strippath", "false") == "true") file = file.filename();
     const std::string folder = file_.compiler("meshdir", file_.compiler("assetdir", "").c_str());
@@ -117,7 +123,9 @@ class MjcfReader {
           file_.fail(child, "joints in a frame are not read: put them into the body");
         add_children(child, link, frame * file_.pose({{child}}),
                      child.attribute("childclass").as_string(childclass.c_str()));
-      } else if (name == "replicate" || name == "composite" || name == "flexcomp" || name == "attach") {
+      } else if (name == "flexcomp") {
+        soft_++;
+      } else if (name == "replicate" || name == "composite" || name == "attach") {
         file_.fail(
             child,
             "it is not read: save the model with MuJoCo (mj_saveLastXML), which writes what it stands for");
@@ -384,7 +392,7 @@ class MjcfReader {
   std::map<std::string, double> references_;  // `ref` of a joint, where it is not 0
   std::vector<Geom> geoms_;
   std::map<std::size_t, std::set<Bits>> bits_;  // of each link with shapes
-  std::size_t planes_ = 0, weightless_ = 0;
+  std::size_t planes_ = 0, weightless_ = 0, soft_ = 0;
 };
 
 }  // namespace

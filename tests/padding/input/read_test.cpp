@@ -487,6 +487,28 @@ TEST_F(Read, ColladaHasItsUnitAndItsStrips) {
   }
 }
 
+// assimp 5.2 reads no COLLADA with an image that has no file, or with a colour after a blank.
+TEST_F(Read, ColladaIsReadWhateverItSaysOfImagesAndColours) {
+  for (
+      const std::string looks :
+      {R"(<library_images><image id="i"/></library_images>)",
+       R"(<library_effects><effect id="e"><profile_COMMON><technique sid="t"><phong><diffuse><color>  0.5 0.5 0.5 1 )"
+       R"(</color></diffuse></phong></technique></profile_COMMON></effect></library_effects>)"})
+    EXPECT_EQ(
+        read(
+            "looks.dae",
+            R"(<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>)" +
+                looks +
+                R"(<library_geometries><geometry id="g"><mesh><source id="p"><float_array id="a" count="9">0 0 0 1 0 0 0 1 0</float_array>)"
+                R"(<technique_common><accessor source="#a" count="3" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>)"
+                R"(<vertices id="v"><input semantic="POSITION" source="#p"/></vertices><triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles></mesh></geometry></library_geometries>)"
+                R"(<library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>)"
+                R"(<scene><instance_visual_scene url="#s"/></scene></COLLADA>)")
+            .mesh.area(),
+        0.5)
+        << looks;
+}
+
 TEST_F(Read, NodesWithoutMeshesHaveNoSurface) {
   expect_fault(
       put("bones.dae",
@@ -645,6 +667,8 @@ TEST_F(Read, UnitsAndScale) {
 
 TEST_F(Read, FilesThatAreNone) {
   expect_fault(folder_ / "absent.obj", "cannot open");
+  expect_fault(put("robot.sdf", "x"), "robots and scenes are read from .urdf, .xacro and MJCF (.xml)");
+  expect_fault(put("b.off", std::string("OFF BINARY\n\0\0", 13)), "binary OFF is not read");
   expect_fault(put("part.step", "x"), ".obj, .stl, .ply, .off, .gltf, .glb, .fbx, .dae, .3ds, .3mf");
   expect_fault(put("part", "x"), "it has no ending");
   for (const std::string& ending : mesh_endings())
