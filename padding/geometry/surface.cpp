@@ -125,8 +125,9 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
   for (std::size_t k = 0; k < n; k++) {
     const std::uint32_t t = tree_.triangles()[k];
     const Point& a = mesh_.corner(t, 0);
-    slots_[k] = {a, mesh_.corner(t, 1) - a, mesh_.corner(t, 2) - a, {}, 0};
-    slots_[k].find_normal();
+    Slot& slot = slots_[k];
+    slot.a = a, slot.ab = mesh_.corner(t, 1) - a, slot.ac = mesh_.corner(t, 2) - a;
+    slot.find_normal();
   }
   cut_needles();
   find_normals();

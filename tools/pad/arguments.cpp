@@ -82,9 +82,9 @@ void declare_files(CLI::App& app, PadArguments& a) {
   app.add_option("--input-format", a.input_format, "of MESH -, which is read from stdin: stl, obj, ply ...")
       ->check(mesh_ending())
       ->type_name("NAME");
-  app.add_option(
-         "--density", a.density,
-         "for the mass that is printed, and for formats that state one (default: 1000, kg/m^3 in metres)")
+  app.add_option("--density", a.density,
+                 "for the mass that is printed, and for formats that state one (default: 1000, kg/m^3 if the "
+                 "unit is known)")
       ->check(decimal())
       ->check(CLI::PositiveNumber);
 }

@@ -2,13 +2,21 @@
 #include "tools/pad/report.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+
+#include "padding/export/model.h"
 
 namespace padder {
 
 using Json = nlohmann::ordered_json;
 
 namespace {
+
+// In kg, if the unit of lengths is known; else in units of the density times the unit of lengths cubed.
+double mass_of(const Cluster& c, double density) {
+  return density * c.mass.volume * std::pow(metres(c.unit), 3);
+}
 
 Json json_of(const Point& p) { return Json::array({p.x(), p.y(), p.z()}); }
 
@@ -95,7 +103,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"accuracy", Json::parse(to_json(p.cluster.accuracy))},
           {"volume", p.cluster.mass.volume > 0 ? Json(p.cluster.mass.volume) : Json(nullptr)},
           {"density", files.density},
-          {"mass", p.cluster.mass.volume > 0 ? Json(files.density * p.cluster.mass.volume) : Json(nullptr)},
+          {"mass", p.cluster.mass.volume > 0 ? Json(mass_of(p.cluster, files.density)) : Json(nullptr)},
           {"buried", r.buried},
           {"repair_steps",
            {{"pieces", r.steps.pieces},
@@ -172,10 +180,10 @@ void print_report(const PadFiles& files, const Padded& p) {
               (c.unit.empty() ? "" : " " + c.unit).c_str(), c.accuracy.normal_error_mean_deg,
               r.seconds.total());
   if (c.mass.volume > 0) {
-    const bool metres = c.unit == "m";
-    std::printf("  volume %.4g%s%s, mass %.4g%s at a density of %g%s\n", c.mass.volume,
-                c.unit.empty() ? "" : (" " + c.unit).c_str(), c.unit.empty() ? "" : "^3",
-                files.density * c.mass.volume, metres ? " kg" : "", files.density, metres ? " kg/m^3" : "");
+    const bool known = !c.unit.empty();
+    std::printf("  volume %.4g%s, mass %.4g%s at a density of %g%s\n", c.mass.volume,
+                known ? (" " + c.unit + "^3").c_str() : "", mass_of(c, files.density), known ? " kg" : "",
+                files.density, known ? " kg/m^3" : "");
   }
   std::printf("  wrote %s\n", files.output.c_str());
   if (!files.mesh.empty()) std::printf("  wrote %s\n", files.mesh.c_str());

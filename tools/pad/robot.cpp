@@ -143,7 +143,7 @@ Json run_robot(const RobotJob& job, const RobotProgress& progress) {
 }
 
 void print_robot(const Json& report) {
-  std::printf("%s: robot %s, %zu links padded\n", report["input"].get<std::string>().c_str(),
+  std::printf("%s: robot %s, links padded: %zu\n", report["input"].get<std::string>().c_str(),
               report["robot"].get<std::string>().c_str(), report["links"].size());
   for (const Json& link : report["links"]) {
     if (link["kept"]) {
