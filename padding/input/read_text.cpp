@@ -18,6 +18,8 @@ namespace padder::reading {
 namespace {
 
 void refuse_binary(std::string_view bytes, const std::string& where, const char* kind) {
+  if (bytes.substr(0, bytes.find('\n')).find("OFF BINARY") != bytes.npos)
+    fail(where, "binary OFF is not read: save it as text, or as STL or PLY");
   const std::size_t zero = bytes.find('\0');
   if (zero == bytes.npos) return;
   const auto line = std::count(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(zero), '\n') + 1;
@@ -138,9 +140,6 @@ Soup read_obj(std::string& bytes, const std::string& where) {
 }
 
 Soup read_off(const std::string& bytes, const std::string& where) {
-  if (const std::string_view first = std::string_view(bytes).substr(0, bytes.find('\n'));
-      first.find("BINARY") != first.npos)
-    fail(where, "binary OFF is not read: save it as text, or as STL or PLY");
   refuse_binary(bytes, where, "OFF");
   Lines lines(bytes);
   std::string_view line;
