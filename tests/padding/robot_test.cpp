@@ -323,6 +323,26 @@ TEST_F(RobotTest, MimicEffortDampingAndFriction) {
   EXPECT_NE(notes[0].find("joint a_c: its lower limit is above"), std::string::npos) << notes[0];
 }
 
+TEST_F(RobotTest, WhatIsWrongIsNamed) {
+  const auto faulty = [&](const std::string& elements, const std::string& words) {
+    EXPECT_TRUE(refuses([&] { read_urdf(urdf(elements)); }, words)) << words;
+  };
+  faulty(link("a") + joint("world", "a"), "its parent \"world\" is not a link");
+  faulty(link("a", "<collision><origin rpy='1 1 1 1'/><geometry><sphere radius='1'/></geometry></collision>"),
+         "rpy wants three numbers, not \"1 1 1 1\"");
+  faulty(link("a", "<collision><geometry><sphere/></geometry></collision>"),
+         "a number is wanted as its radius");
+  faulty(link("a", "<collision><geometry><sphere radius='x'/></geometry></collision>"),
+         "radius wants a number, not \"x\"");
+  const Urdf u = read_urdf(
+      urdf(link("a", "<inertial><mass value='1'/><inertia ixx='1' iyy='2' izz='3'/></inertial>" +
+                         std::string("<collision><geometry><sphere radius='1'/></geometry></collision>")) +
+           link("b", "<visual><geometry><sphere radius='1'/></geometry></visual>") + joint("a", "b")));
+  EXPECT_EQ(u.model.bodies[0].inertial->inertia, Vector(1, 2, 3).asDiagonal().toDenseMatrix());
+  ASSERT_EQ(u.notes.size(), 1u);
+  EXPECT_EQ(u.notes[0], "links that have visual geometry alone get no spheres: b");
+}
+
 TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {
   fs::create_directories(folder_ / "pkg/meshes");
   write_file(folder_ / "pkg/meshes/tet.obj",
