@@ -134,11 +134,12 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
 }
 
 void Surface::Slot::find_normal() {
+  // `least` is for the rounding of distances themselves.
   constexpr double least = 1e-14, epsilon = std::numeric_limits<double>::epsilon();
   const Vector n = ab.cross(ac);
   const double length = n.norm();
   normal = length > 0 ? Vector(n / length) : Vector::Zero();
-  // Where the angle between the sides is a rounding error, there is no normal, and nothing is said.
+  // Where rounding decides the angle between the sides, this is so large that at_least() rules out nothing.
   doubt = length > 0 ? std::max(least, 8 * epsilon * ab.norm() * ac.norm() / length) : 1;
 }
 

@@ -142,8 +142,8 @@ class Surface {
     Point a;
     Vector ab, ac;
     Vector normal;       // of length 1
-    double doubt;        // how far rounding may have turned the normal, radians, and more
-    void find_normal();  // of the others
+    double doubt;        // more than rounding may have turned the normal, radians
+    void find_normal();  // of ab and ac
 
     // No point of the triangle is nearer to p than this, however distances are rounded. `size`: |p| or more.
     double at_least(const Point& p, double size) const {

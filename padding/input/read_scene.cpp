@@ -100,7 +100,7 @@ std::string unit_of(const aiScene& scene, const std::string& ending, double& fac
   return "cm";
 }
 
-// A COLLADA without its images and materials. assimp 5.2 reads no file that has an image without a name, or a
+// A COLLADA without its images and materials. assimp 5.2 reads no file that has an image without a file, or a
 // colour that begins with a blank, though nothing of them is asked for.
 std::string without_looks(const std::string& collada) {
   pugi::xml_document document;

@@ -45,7 +45,9 @@ class UrdfReader {
     for (const auto& joint : robot.children("joint")) add_joint(joint);
     check_mimics();
     if (!collision) urdf.notes.push_back("no link has collision geometry: the visual geometry was padded");
-    if (!bare_.empty()) urdf.notes.push_back(bare_links(visual ? "collision" : "visual"));
+    if (!bare_.empty())
+      urdf.notes.push_back(std::string("links that have ") + (visual ? "collision" : "visual") +
+                           " geometry alone get no spheres: " + listed(bare_));
     for (const Body& b : bodies_)
       if (b.joint.lower > b.joint.upper)
         urdf.notes.push_back("joint " + excerpt(b.joint.name) +
@@ -80,13 +82,13 @@ class UrdfReader {
     return out;
   }
 
-  std::string bare_links(const char* has) const {
+  // The first few, for a sentence.
+  static std::string listed(const std::vector<std::string>& names) {
     constexpr std::size_t most = 5;
-    std::string note = std::string("links that have ") + has + " geometry alone get no spheres: ";
-    for (std::size_t k = 0; k < std::min(most, bare_.size()); k++)
-      note += (k > 0 ? ", " : "") + excerpt(bare_[k]);
-    if (bare_.size() > most) note += " and " + std::to_string(bare_.size() - most) + " more";
-    return note;
+    std::string text;
+    for (std::size_t k = 0; k < std::min(most, names.size()); k++)
+      text += (k > 0 ? ", " : "") + excerpt(names[k]);
+    return names.size() > most ? text + " and others" : text;
   }
 
   [[noreturn]] void fail(const std::string& what) const { throw Error(path_.string() + ": " + what); }
@@ -310,12 +312,11 @@ class UrdfReader {
         urdf.links.push_back(std::move(links_[*it]));
       }
     }
-    std::string roots;
-    int count = 0;
+    std::vector<std::string> roots;
     for (const Body& b : urdf.model.bodies)
-      if (b.parent < 0 && count++ < 5) roots += (count > 1 ? ", " : "") + excerpt(b.name);
-    if (count > 5) roots += " and others";
-    if (count > 1) fail("a robot has one root, and here are " + std::to_string(count) + ": " + roots);
+      if (b.parent < 0) roots.push_back(b.name);
+    if (roots.size() > 1)
+      fail("a robot has one root, and here are " + std::to_string(roots.size()) + ": " + listed(roots));
   }
 
   fs::path path_;

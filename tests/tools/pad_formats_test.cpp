@@ -162,7 +162,7 @@ TEST_F(PadFormatsTest, SpheresAreConvertedWithoutPadding) {
   expect_same_spheres(read_spheres(folder_ / "s.srdf", "a"), read_spheres(folder_ / "r.xml", "a"));
   const Ran unplaced = pad("r.yaml -q -o s.xml");
   EXPECT_EQ(unplaced.status, 1);
-  EXPECT_NE(unplaced.output.find("not for where the links are"), std::string::npos) << unplaced.output;
+  EXPECT_NE(unplaced.output.find("not where the links are"), std::string::npos) << unplaced.output;
   EXPECT_FALSE(fs::exists(folder_ / "s.xml"));
   for (const char* wrong :
        {"c.spheres.json", "c.spheres.json -o x.xml --tolerance 1%", "c.spheres.json -o x.xml --effort 2",

@@ -31,8 +31,8 @@ void write(const SphereModel& spheres, const OutputFile& file, const ConvertJob&
     return;
   }
   if (spheres.links && !places_no_link(*file.format))
-    throw Error(input + " is read for which spheres each of its " + std::to_string(model.bodies.size()) +
-                " links has, and not for where the links are, as " + file.path.string() +
+    throw Error("of " + input + " the spheres of its " + std::to_string(model.bodies.size()) +
+                " links are read, but not where the links are, which " + file.path.string() +
                 " must say: convert the robot's URDF with the spheres, or write .yaml, .xrdf or .srdf");
   if (spheres.links && std::string_view(file.format->name) != "srdf")  // which holds no joints
     warnings.push_back("the joints, the base and the tool of " + input + " are not read: set them in " +

@@ -86,14 +86,15 @@ void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
   write_preview(view, job.preview, job.colour);
 }
 
-}  // namespace
-
+// A URDF brings a .srdf of its pairs along, and one that is asked for by name, which has the spheres as well,
+// must not be lost to it.
 std::vector<OutputFile> in_writing_order(std::vector<OutputFile> files) {
-  std::ranges::stable_partition(files, [](const OutputFile& file) {
-    return !file.format || std::string_view(file.format->name) != "srdf";
-  });
+  std::ranges::stable_partition(
+      files, [](const OutputFile& file) { return std::string_view(file.format->name) != "srdf"; });
   return files;
 }
+
+}  // namespace
 
 Json run_robot(const RobotJob& job, const RobotProgress& progress) {
   check_job(job);

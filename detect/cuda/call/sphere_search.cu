@@ -240,6 +240,7 @@ struct SphereSearch::Steps {
     s.make_plan(source, call, previous);
     s.plan_output(call, true);
     s.pass(call, true);
+    // The counts of that pass were right, and each bucket gets the room that it needs now.
     if (s.found_.flags == kOutgrown) s.pass(call, true);
     const SlotKind kind = s.plan_.kind;
     const SearchOptions searched = s.plan_.search;

@@ -26,10 +26,9 @@ class SideStream {
 };
 
 // Plan: everything that decides what is enqueued, and comparable. Whatever a kernel is given by value must
-// follow from the plan; what stands behind addresses may change. That goes for addresses as well: what tells
-// that memory was taken (MemoryBook::moves) is part of the plan. Several plans are kept: calls with a history
-// have two memories for their lists in turn, and the quotas of a stable list change back and forth while
-// spheres move.
+// follow from the plan; what stands behind addresses may change. A graph holds addresses, so the plan holds
+// MemoryBook::moves. Several plans are kept: calls with a history have two memories for their lists in turn,
+// and the quotas of a stable list change back and forth while spheres move.
 template <class Plan>
 class Recording {
  public:

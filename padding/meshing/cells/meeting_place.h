@@ -4,9 +4,9 @@
 
 namespace padder {
 
-// Where a meeting point that is no vertex lies, rounded once, to about `near` in any case: where the edge
-// runs nearly along what it meets, the distances of its ends from that are rounding alone, and are computed
-// again in rational numbers.
+// Where a meeting point that is no vertex lies, right to about `near`. Where the edge runs nearly along what
+// it meets, the distances of its ends from that would be rounding alone: they are computed in rational
+// numbers.
 Point place_of(const MeetingPoint& meeting, const Mesh& soup, double near);
 
 }  // namespace padder

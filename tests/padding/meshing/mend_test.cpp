@@ -573,7 +573,6 @@ TEST(Mend, FacesWithTwoSidesCountOnce) {
   EXPECT_NEAR(volume(mended(joined(kCube, turned_over(kCube)))), 1, 1e-12);
 }
 
-// Cut along their crossings they would be some millions of triangles.
 // Cut along one diagonal and along the other: all edges of the face have three triangles. The triangles stand
 // in any order in the file, and the second face may look inward.
 TEST(Mend, AFaceThatIsGivenTwiceWithAnotherDiagonalCountsOnce) {
@@ -600,6 +599,7 @@ TEST(Mend, AFaceThatIsGivenTwiceWithAnotherDiagonalCountsOnce) {
   }
 }
 
+// Cut along their crossings they would be some millions of triangles.
 TEST(Mend, SheetsThatCrossAreNotCut) {
   RandomInput random(5);
   Mesh mesh;

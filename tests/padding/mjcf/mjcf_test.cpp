@@ -187,6 +187,15 @@ TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
   EXPECT_EQ(apart, (std::set<std::string>{"a c User", "b d User", "c d User"}));  // a and d are neighbours
 }
 
+TEST_F(MjcfTest, WhatIsLeftOutIsCountedInNotes) {
+  const Urdf r = read_mjcf(
+      put("<worldbody><geom type='plane' size='1 1 1'/><flexcomp name='cloth'/>"
+          "<body name='a'><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><geom type='box' size='1 1 1'/>"
+          "</body></worldbody><deformable><flex name='bag'/></deformable>"));
+  EXPECT_EQ(r.notes, (std::vector<std::string>{"planes and height fields, which are left out: 1",
+                                               "soft bodies (flex), which are left out: 2"}));
+}
+
 TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
   for (const auto& [inside, words] :
        {std::pair("<compiler coordinate='global'/>", "global coordinates"),
