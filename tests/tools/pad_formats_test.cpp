@@ -183,6 +183,14 @@ TEST_F(PadFormatsTest, FailuresAreJson) {
   }
 }
 
+// In kg where the unit of lengths is known, else in the unit of lengths cubed.
+TEST_F(PadFormatsTest, AMassIsInKilogrammes) {
+  for (const auto& [unit, mass] : {std::pair("", 1000.), {"--unit m", 1000.}, {"--unit mm", 1e-6}}) {
+    const Ran r = pad("cube.obj --edge-length 10% --json " + std::string(unit) + " 2>/dev/null");
+    EXPECT_NEAR(nlohmann::json::parse(r.output)["mass"].get<double>(), mass, 1e-6 * mass) << unit;
+  }
+}
+
 // The .srdf that a URDF brings along lists pairs alone; one that is asked for has the spheres, too.
 TEST_F(PadFormatsTest, AnSrdfThatIsAskedForIsNotLostToThatOfAUrdf) {
   ASSERT_EQ(pad("r.urdf --edge-length 10% -q -o p.srdf").output, "");
