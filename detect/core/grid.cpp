@@ -349,28 +349,27 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
 
 }  // namespace
 
-// Found by trying random factors: the cubes whose bins have buckets of their own are nearly as large as can
-// be (at most the cube root of the ring), and planes and lines along the axes are spread as well.
+// Found by trying random factors for a minute each. The bins that share a bucket are a lattice. Its points
+// should not be near each other, however that is measured:
+//
+// The cubes whose bins have buckets of their own are within a fifth of the largest that were found.
+//
+// The product of the distances along the axes, with 1 for a distance of 0, is large (Zaremba's index; S. K.
+// Zaremba, "Good lattice points, discrepancy, and numerical integration", 1966). So boxes and planes of bins
+// fill the ring evenly, and lines along the axes and diagonals, too. With factors that were chosen by cubes
+// alone, a layer of 2^22 bins filled an eighth of its ring.
+//
+// From 2^21 buckets on, rows that are neighbours are also near each other in the ring: `row` is between 2^14
+// and 2^15 times the root of ring / 2^21, and `plane` between 3 and 4 times `row`. A search through the
+// spheres in the order of the ring reads each row five times within a short while, and the caches still have
+// it. Rings that are smaller fit in them as a whole.
 Hash hash_of_ring(int bits) {
-  static constexpr Hash kHash[] = {{563, 829, 9},
-                                   {1435, 221, 12},
-                                   {2323, 3085, 15},
-                                   {4979, 1277, 19},
-                                   {14339, 493, 24},
-                                   {9899, 11957, 31},
-                                   {4267, 52421, 39},
-                                   {24659, 58373, 49},
-                                   {104411, 36405, 62},
-                                   {188051, 312157, 78},
-                                   {702643, 395781, 98},
-                                   {1175459, 1420037, 121},
-                                   {3541331, 2678693, 154},
-                                   {6710931, 8103221, 193},
-                                   {9604123, 6292365, 245},
-                                   {24889731, 7677677, 302},
-                                   {44006259, 26585341, 386},
-                                   {43865507, 35746173, 497},
-                                   {146367651, 57416541, 607}};
+  static constexpr Hash kHash[] = {
+      {445, 389, 8},         {711, 1239, 11},       {1661, 1803, 14},     {7343, 1115, 18},
+      {7623, 3131, 22},      {12719, 23777, 28},    {17437, 6727, 37},    {16173, 110781, 46},
+      {220155, 140819, 56},  {361641, 278681, 69},  {885573, 124769, 88}, {22137, 79389, 104},
+      {32693, 116313, 127},  {46893, 167191, 167},  {65009, 232611, 207}, {93227, 331845, 248},
+      {129119, 461905, 323}, {181165, 647683, 429}, {266691, 953071, 523}};
   return kHash[bits - kLeastRingBits];
 }
 

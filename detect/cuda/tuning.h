@@ -35,9 +35,9 @@ inline constexpr double kBucketSpheres = 6500;
 inline constexpr std::uint32_t kBucketShared = 226 * 1024;
 
 // The same of hashed levels, in parts of that, because lines and planes of spheres come in runs. Rows of
-// bench scenes, 1e6, with 1 and (after other changes) with 0.6: lines 0.179, 0.163 ms; clump 0.233, 0.257;
-// two_heaps 0.235, 0.262.
-inline constexpr double kHashedBucket = 0.6;
+// bench scenes, 5e6, with 0.6, 0.7 and 0.8: poly_layer 0.772, 0.720, 0.75 ms; lines 0.579, 0.565, 0.66; the
+// others within noise.
+inline constexpr double kHashedBucket = 0.7;
 
 // How often buckets are halved on average before another way is tried, since some overflow. No row of its
 // own: beyond, blocks have so few spheres that a sort is no slower.

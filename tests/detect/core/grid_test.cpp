@@ -162,6 +162,14 @@ TEST(Grid, TheBinsOfACubeHaveBucketsOfTheirOwnInARing) {
   }
 }
 
+// What caches keep for a search: in a large ring the rows about a bin lie within a small part of it.
+TEST(Grid, NeighbouringRowsAreNearEachOtherInALargeRing) {
+  for (int bits = 21; bits <= kMostRingBits; bits++) {
+    const Hash hash = hash_of_ring(bits);
+    EXPECT_LE(hash.row + hash.plane, std::pow(2, 17 + 0.5 * (bits - 21))) << bits;
+  }
+}
+
 // However the spheres of a hashed level lie, buckets are about as full as the bins are, and twice at most.
 TEST(Grid, HashedLevelsSpreadBoxesPlanesAndLines) {
   const auto fullest = [](std::int64_t x, std::int64_t y, std::int64_t z) {
@@ -175,7 +183,7 @@ TEST(Grid, HashedLevelsSpreadBoxesPlanesAndLines) {
         for (std::int64_t c = 0; c < z; c++) found[key_of(l, {a, b, c})]++;
     return *std::max_element(found.begin(), found.end());
   };
-  for (const std::int64_t n : {20, 40, 64}) {
+  for (const std::int64_t n : {20, 40, 64, 100, 160}) {
     EXPECT_LE(fullest(n, n, n), 2) << n;
     EXPECT_LE(fullest(n * n, n, 1), 4) << n;
     EXPECT_LE(fullest(1, n * n, n), 4) << n;
