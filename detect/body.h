@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // A body: a shape (the spheres of a padded cluster) at a pose. For host and device; poses are in double.
 #pragma once
+#include <algorithm>
+
 #include "detect/contact.h"
 
 namespace padder::detect {
@@ -26,6 +28,15 @@ struct Pose {
   double rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
   double position[3] = {0, 0, 0};
 };
+// Host code.
+inline Pose pose_of(const Body& body) {
+  Pose pose;
+  std::copy_n(body.rotation, 9, pose.rotation), std::copy_n(body.position, 3, pose.position);
+  return pose;
+}
+inline void set_pose(Body& body, const Pose& pose) {
+  std::copy_n(pose.rotation, 9, body.rotation), std::copy_n(pose.position, 3, body.position);
+}
 
 // Writes the rotation matrix of the quaternion w + xi + yj + zk, row by row. The quaternion may have any
 // length. Throws Error if it is 0, infinite or not a number; the caller adds where it came from. Host code.

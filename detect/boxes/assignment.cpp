@@ -2,35 +2,16 @@
 #include "detect/boxes/assignment.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <string>
 #include <utility>
 
+#include "detect/core/errors.h"
 #include "detect/core/input.h"
-#include "padding/asset/error.h"
 
 namespace padder::detect {
 namespace {
-
-std::string number(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.9g", v);
-  return text;
-}
-
-[[noreturn]] void throw_fault(const std::string& name, const Sphere& s) {
-  const std::string at = name + " at (" + number(s.x) + ", " + number(s.y) + ", " + number(s.z) + ")";
-  switch (fault_of(s)) {
-    case Fault::negative_radius:
-      throw Error(at + " has the negative radius " + number(s.r) + ": radii must be 0 or more");
-    case Fault::too_large:
-      throw Error(at + " with radius " + number(s.r) + " is beyond 1e100: scale the scene");
-    default:
-      throw Error(at + " with radius " + number(s.r) + " is not finite: correct or remove it");
-  }
-}
 
 // Of an array inside a mapped file, which may begin at any address.
 const void* tag_at(const std::uint32_t* tags, std::uint64_t k) {
@@ -215,9 +196,10 @@ void Assignment::throw_fault_of_body(std::size_t b) const {
   const Shape& shape = input_.shapes[input_.bodies[b].shape];
   std::uint64_t q = 0;
   while (fault_of(placed(input_.bodies[b], shape.spheres[q])) == Fault::none) q++;
-  throw_fault("sphere " + std::to_string(numbering_.body_sphere + first_of_body_[b] + q) + " (number " +
-                  std::to_string(q) + " of body " + std::to_string(numbering_.body + b) + ")",
-              placed(input_.bodies[b], shape.spheres[q]));
+  throw Error(fault_sentence("sphere " + std::to_string(numbering_.body_sphere + first_of_body_[b] + q) +
+                                 " (number " + std::to_string(q) + " of body " +
+                                 std::to_string(numbering_.body + b) + ")",
+                             placed(input_.bodies[b], shape.spheres[q])));
 }
 
 template <class T>
@@ -239,7 +221,8 @@ void Assignment::read_loose() {
     largest = std::max(largest, double(e.high[3]));
   }
   if (faulty < s.count)
-    throw_fault("sphere " + std::to_string(numbering_.loose + faulty), given<T>(s, faulty).sphere());
+    throw Error(
+        fault_sentence("sphere " + std::to_string(numbering_.loose + faulty), given<T>(s, faulty).sphere()));
   largest_radius_ = largest;
 }
 

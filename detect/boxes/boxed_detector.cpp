@@ -14,9 +14,9 @@
 #include <thread>
 
 #include "detect/boxes/assignment.h"
-#include "detect/boxes/box_input.h"
 #include "detect/boxes/device_worker.h"
 #include "detect/core/backend.h"
+#include "detect/core/revision.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -93,7 +93,7 @@ class ReadyBoxes {
 
 class BoxedDetector::Work {
  public:
-  explicit Work(const BoxOptions& options) : options_(options), check_(detector_on({BackendKind::omp, 0})) {
+  explicit Work(const BoxOptions& options) : options_(options) {
     std::vector<DeviceChoice> devices = options.devices;
     if (devices.empty()) devices.emplace_back();
     workers_.reserve(devices.size());
@@ -131,7 +131,6 @@ class BoxedDetector::Work {
     return options_.detector.threads ? options_.detector.threads : omp_get_max_threads();
   }
 
-  void check(const Input& input);
   void plan(Assignment& assignment);
   void cut(const Assignment& assignment, std::uint32_t boxes);
   double excess(const Assignment& assignment) const;
@@ -143,10 +142,9 @@ class BoxedDetector::Work {
   void finish(const Assignment& assignment);
 
   BoxOptions options_;
-  Detector check_;  // says what is wrong with options, also where no box needs a detector
   std::vector<std::unique_ptr<DeviceWorker>> workers_;
   std::uint64_t on_host_ = 0;  // workers on the CPU
-  BodyKeeper bodies_;
+  RevisionKeeper bodies_;
   BoxTree tree_;
   std::vector<double>
       density_;            // work for each sphere given to a box, in the call before; empty: not cut yet
@@ -171,15 +169,6 @@ std::uint64_t BoxedDetector::Work::spheres_limit() const {
   const double fit = static_cast<double>(detector_limit()) / bytes_per_sphere_;
   const bool limited = on_host_ ? detector_limit() != ~std::uint64_t(0) : options_.detector.memory_limit != 0;
   return limited && fit < static_cast<double>(kMostLocal) ? static_cast<std::uint64_t>(fit) + 1 : kMostLocal;
-}
-
-void BoxedDetector::Work::check(const Input& input) {
-  CallOptions options = options_.detector;
-  options.memory_limit = 0;
-  check_boxed_options(options);
-  check_.options() = options;
-  check_.detect(Input{});
-  check_box_input(input);
 }
 
 // Counts the spheres of each box, and cuts anew where that is needed: when there is no cut yet, when a box is
@@ -362,7 +351,8 @@ const BoxReport& BoxedDetector::Work::run(const Input& input, const ContactConsu
   contacts_ = {}, all_ = {};
   try {
     const double start = now();
-    check(input);
+    check_boxed_options(options_.detector), check_options(options_.detector);
+    check_boxed_input(input);
     const Input settled = bodies_.settle(input);
     Assignment assignment(settled, threads());
     assignment.set_margin(options_.detector.margin);
@@ -380,7 +370,7 @@ const BoxReport& BoxedDetector::Work::run(const Input& input, const ContactConsu
 
 const Contacts& BoxedDetector::Work::list(const Input& input) {
   std::uint64_t spheres = input.spheres.count;
-  check_box_input(input);
+  check_boxed_input(input);
   for (const Body& b : input.bodies) spheres += input.shapes[b.shape].count;
   if (spheres > kMostLocal)
     throw Error(std::to_string(spheres) +

@@ -29,13 +29,11 @@ const void* advanced(const void* array, std::uint64_t bytes) {
 
 }  // namespace
 
-Detector detector_on(const DeviceChoice& device) { return Detector(device); }
-
 void BoxResult::add(const BoxResult& more) {
   contacts += more.contacts, hash += more.hash, doubtful += more.doubtful, splits += more.splits;
 }
 
-DeviceWorker::DeviceWorker(const DeviceChoice& device) : device_(device), detector_(detector_on(device)) {
+DeviceWorker::DeviceWorker(const DeviceChoice& device) : device_(device), detector_(device) {
   on_host_ = std::string_view(detector_.backend()) == "omp";
 }
 
@@ -95,7 +93,7 @@ BoxResult DeviceWorker::find(const BoxLoad& load, std::uint64_t copied, Delivery
 BoxResult DeviceWorker::split(const BoxLoad& load, std::uint64_t copied, const Failure& failure,
                               Delivery& delivery) {
   if (load.spheres() < kSmallestSplit) fail(failure);
-  detector_ = detector_on(device_), hash_.release();  // gives their memory back
+  detector_ = Detector(device_), hash_.release();  // gives their memory back
   const Input input = load.input();
   Assignment assignment(input, threads_);
   assignment.set_margin(options_.margin);

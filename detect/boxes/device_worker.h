@@ -11,9 +11,6 @@
 
 namespace padder::detect {
 
-// Throws Error when the device is not to be had.
-Detector detector_on(const DeviceChoice& device);
-
 // What a box gave, or several together.
 struct BoxResult {
   std::uint64_t contacts = 0, hash = 0, doubtful = 0;

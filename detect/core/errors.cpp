@@ -69,10 +69,31 @@ void check_boxed_options(const CallOptions& o) {
         "use one Detector");
 }
 
+void check_boxed_input(const Input& input) {
+  check_arrays(input);
+  if ((input.spheres.count && input.spheres.memory == Memory::device) ||
+      (input.poses && input.pose_memory == Memory::device))
+    throw Error(
+        "detection by boxes reads spheres and poses from host memory: copy them, or use one Detector");
+}
+
 void check_range(const Summary& s, const CallOptions& o) {
   if (o.width != Width::pairs && o.scalar == Scalar::f32 && s.extent + s.radius_max > 1e38)
     throw Error("coordinates up to " + formatted(s.extent) +
                 " do not fit a float record: ask for double records or pairs only");
+}
+
+std::string fault_sentence(const std::string& name, const Sphere& s) {
+  const std::string at =
+      name + " at (" + formatted(s.x) + ", " + formatted(s.y) + ", " + formatted(s.z) + ")";
+  switch (fault_of(s)) {
+    case Fault::negative_radius:
+      return at + " has the negative radius " + formatted(s.r) + ": radii must be 0 or more";
+    case Fault::too_large:
+      return at + " with radius " + formatted(s.r) + " is beyond 1e100: scale the scene";
+    default:
+      return at + " with radius " + formatted(s.r) + " is not finite: correct or remove it";
+  }
 }
 
 std::string fault_sentence(std::uint64_t index, const Sphere& s, const Input& input) {
@@ -86,15 +107,7 @@ std::string fault_sentence(std::uint64_t index, const Sphere& s, const Input& in
     }
     before += n;
   }
-  const std::string at = " at (" + formatted(s.x) + ", " + formatted(s.y) + ", " + formatted(s.z) + ")";
-  switch (fault_of(s)) {
-    case Fault::negative_radius:
-      return name + at + " has the negative radius " + formatted(s.r) + ": radii must be 0 or more";
-    case Fault::too_large:
-      return name + at + " with radius " + formatted(s.r) + " is beyond 1e100: scale the scene";
-    default:
-      return name + at + " with radius " + formatted(s.r) + " is not finite: correct or remove it";
-  }
+  return fault_sentence(name, s);
 }
 
 std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world, std::uint32_t worlds) {

@@ -17,6 +17,9 @@ std::string formatted(double v);
 void check_options(const CallOptions& options);
 // Throws Error for options that only one detector can carry out, and not one for each box of space.
 void check_boxed_options(const CallOptions& options);
+// Throws Error for a scene that boxes cannot read: missing pointers, shapes that are not there, device
+// memory.
+void check_boxed_input(const Input& input);
 // Throws Error if a shape that is named, a pointer or a stride is missing. `known`: the previous call checked
 // the bodies.
 void check_arrays(const Input& input, bool known = false);
@@ -25,6 +28,8 @@ void check_input(const Input& input, bool device_memory_allowed, bool known = fa
 // Throws Error if lengths of this scene do not fit the records that are asked for.
 void check_range(const Summary& summary, const CallOptions& options);
 
+// What is wrong with a sphere; `name` tells which it is.
+std::string fault_sentence(const std::string& name, const Sphere& sphere);
 // What is wrong with sphere number `index`, and where it is in the input.
 std::string fault_sentence(std::uint64_t index, const Sphere& sphere, const Input& input);
 // A body (or a loose sphere) is in a world that detect_worlds() was not asked for.

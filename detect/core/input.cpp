@@ -16,10 +16,7 @@ std::uint64_t sphere_count(const Input& input) {
 
 Body body_at(const Input& input, std::size_t k) {
   Body body = input.bodies[k];
-  if (input.poses) {
-    std::copy_n(input.poses[k].rotation, 9, body.rotation);
-    std::copy_n(input.poses[k].position, 3, body.position);
-  }
+  if (input.poses) set_pose(body, input.poses[k]);
   return body;
 }
 

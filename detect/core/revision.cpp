@@ -1,19 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "detect/core/revision.h"
 
-#include <algorithm>
-
 #include "detect/core/input.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
-namespace {
-
-void take_pose(const Pose& from, Body& to) {
-  std::copy_n(from.rotation, 9, to.rotation), std::copy_n(from.position, 3, to.position);
-}
-
-}  // namespace
 
 Input RevisionKeeper::resolve(const Input& input, const ReadPoses& read_poses) {
   const bool known =
@@ -30,21 +21,18 @@ Input RevisionKeeper::resolve(const Input& input, const ReadPoses& read_poses) {
     moving_.clear();
     for (std::size_t k = 0; k < bodies_.size(); k++) {
       if (!bodies_[k].is_static) moving_.push_back(static_cast<std::uint32_t>(k));
-      if (host_poses) take_pose(input.poses[k], bodies_[k]);
+      if (host_poses) set_pose(bodies_[k], input.poses[k]);
     }
     if (has_device_poses(input) && moving_.size() < bodies_.size()) {
       const std::vector<Pose> poses = read_poses();
       for (std::size_t k = 0; k < bodies_.size(); k++)
-        if (bodies_[k].is_static) take_pose(poses[k], bodies_[k]);
+        if (bodies_[k].is_static) set_pose(bodies_[k], poses[k]);
     }
   } else if (host_poses) {
-    for (const std::uint32_t k : moving_) take_pose(input.poses[k], bodies_[k]);
+    for (const std::uint32_t k : moving_) set_pose(bodies_[k], input.poses[k]);
   } else {
     for (const std::uint32_t k : input.moved)
-      if (!bodies_[k].is_static) {
-        std::copy_n(input.bodies[k].rotation, 9, bodies_[k].rotation);
-        std::copy_n(input.bodies[k].position, 3, bodies_[k].position);
-      }
+      if (!bodies_[k].is_static) set_pose(bodies_[k], pose_of(input.bodies[k]));
   }
   Input resolved = input;
   resolved.bodies = bodies_;
@@ -52,6 +40,17 @@ Input RevisionKeeper::resolve(const Input& input, const ReadPoses& read_poses) {
   if (host_poses && known) resolved.moved = moving_;
   revision_ = input.revision;
   return resolved;
+}
+
+Input RevisionKeeper::settle(const Input& input) {
+  Input settled = resolve(input, {});
+  if (settled.poses) {  // there is no revision
+    bodies_.assign(input.bodies.begin(), input.bodies.end());
+    for (std::size_t k = 0; k < bodies_.size(); k++) set_pose(bodies_[k], input.poses[k]);
+    settled.bodies = bodies_;
+  }
+  settled.revision = 0, settled.moved = {}, settled.poses = nullptr;
+  return settled;
 }
 
 }  // namespace padder::detect

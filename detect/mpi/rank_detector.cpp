@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "detect/boxes/assignment.h"
-#include "detect/boxes/box_input.h"
 #include "detect/boxes/device_worker.h"
 #include "detect/core/backend.h"
+#include "detect/core/revision.h"
 #include "detect/mpi/exchange.h"
 #include "detect/mpi/rank_cut.h"
 #include "detect/mpi/ranks.h"
@@ -64,10 +64,8 @@ int threads_for(const Ranks& ranks, int asked) {
 class RankDetector::Work {
  public:
   Work(MPI_Comm ranks, const RankOptions& options) : ranks_(ranks), options_(options.detector) {
-    together(ranks_, [&] {
-      worker_ = std::make_unique<DeviceWorker>(options.device.value_or(device_for(ranks_)));
-      check_ = std::make_unique<Detector>(detector_on({BackendKind::omp, 0}));
-    });
+    together(ranks_,
+             [&] { worker_ = std::make_unique<DeviceWorker>(options.device.value_or(device_for(ranks_))); });
   }
   const RankReport& run(const Input& part, const ContactConsumer& consumer);
   const RankReport& report() const { return report_; }
@@ -95,8 +93,7 @@ class RankDetector::Work {
   Ranks ranks_;
   CallOptions options_;
   std::unique_ptr<DeviceWorker> worker_;
-  std::unique_ptr<Detector> check_;  // says what is wrong with options
-  BodyKeeper bodies_;
+  RevisionKeeper bodies_;
   BoxTree tree_;
   bool has_tree_ = false;
   double density_ = 1;  // work for each sphere given to this rank, in the call before
@@ -110,12 +107,8 @@ class RankDetector::Work {
 
 // The part with all poses in its bodies, checked.
 Input RankDetector::Work::read(const Input& part) {
-  CallOptions options = options_;
-  options.memory_limit = 0, options.output = Memory::host, options.stream = nullptr;
-  check_boxed_options(options);
-  check_->options() = options;
-  check_->detect(Input{});
-  check_box_input(part);
+  check_boxed_options(options_), check_options(options_);
+  check_boxed_input(part);
   if (part.spheres.count && (part.spheres.world || part.spheres.world_of_all != 0))
     throw Error(
         "several ranks do not send the worlds of loose spheres: give them as bodies, or use one rank");

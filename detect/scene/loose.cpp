@@ -5,6 +5,7 @@
 #include <cstring>
 #include <type_traits>
 
+#include "detect/core/input.h"
 #include "padding/asset/child.h"
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
@@ -136,13 +137,10 @@ LooseSpheres loose_from(const Spheres& spheres) {
   l.scalar = spheres.scalar;
   const auto copy = [&](auto& to) {
     using T = typename std::decay_t<decltype(to)>::value_type;
-    to.resize(4 * spheres.count);
+    to.reserve(4 * spheres.count);
     for (std::uint64_t k = 0; k < spheres.count; k++) {
-      std::memcpy(&to[4 * k],
-                  static_cast<const char*>(spheres.centers) + k * spheres.center_stride * sizeof(T),
-                  3 * sizeof(T));
-      std::memcpy(&to[4 * k + 3],
-                  static_cast<const char*>(spheres.radii) + k * spheres.radius_stride * sizeof(T), sizeof(T));
+      const Given<T> g = given<T>(spheres, k);
+      to.insert(to.end(), {g.x, g.y, g.z, g.r});
     }
   };
   if (l.scalar == Scalar::f32)

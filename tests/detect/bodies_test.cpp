@@ -471,8 +471,7 @@ TEST_P(BodiesTest, PosesApartFromBodies) {
       for (std::size_t b = 0; b < 30; b++) {
         if (b < 20)
           moved.bodies[b] = body_at(0, s.bodies[b].position[0], s.bodies[b].position[1], 0.1 * step, random);
-        std::copy_n(moved.bodies[b].rotation, 9, poses[b].rotation);
-        std::copy_n(moved.bodies[b].position, 3, poses[b].position);
+        poses[b] = pose_of(moved.bodies[b]);
       }
       Input in = s.input();
       in.poses = poses.data(), in.revision = step < 2 ? 0 : 5;

@@ -351,8 +351,7 @@ TEST(Worlds, PosesSpheresAndAnswersMayLieOnTheDevice) {
       std::vector<Pose> poses(w.bodies.size());
       for (std::size_t b = 0; b < poses.size(); b++) {
         if (step > 0 && !w.bodies[b].is_static) turn(random, w.bodies[b]);
-        std::copy_n(w.bodies[b].rotation, 9, poses[b].rotation);
-        std::copy_n(w.bodies[b].position, 3, poses[b].position);
+        poses[b] = pose_of(w.bodies[b]);
       }
       const DeviceCopy there(poses.data(), poses.size() * sizeof(Pose));
       in.poses = static_cast<const Pose*>(there.data());

@@ -113,9 +113,7 @@ void BodyArrays::move(const Input& input, cudaStream_t stream) {
   for (const std::uint32_t b : input.moved) {
     const Body& body = input.bodies[b];
     if (body.is_static) continue;
-    std::copy_n(body.rotation, 9, host[n].pose.rotation),
-        std::copy_n(body.position, 3, host[n].pose.position);
-    host[n++].body = b;
+    host[n].pose = pose_of(body), host[n++].body = b;
   }
   if (n == 0) return;
   MovedBody* device = copied(moved_, host, n, stream);

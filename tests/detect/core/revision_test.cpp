@@ -2,6 +2,8 @@
 // What Input::revision promises, on every backend and path: where bodies are that are not said to have moved,
 // and what happens after a call that threw.
 
+#include "detect/core/revision.h"
+
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
@@ -104,6 +106,37 @@ TEST_P(RevisionTest, PosesApartFromBodies) {
   EXPECT_EQ(contacts(d), (Pairs{{1, 2}, {2, 3}})) << "after an error all is read";
   input_.poses = nullptr;
   EXPECT_EQ(contacts(d), (Pairs{{1, 2}, {2, 3}})) << "where they stood";
+}
+
+TEST(RevisionKeeper, ASettledInputHasAllPosesInItsBodies) {
+  const Sphere sphere{0, 0, 0, 1};
+  const Shape shape{&sphere, 1};
+  Body bodies[2];
+  Pose poses[2];
+  bodies[0].is_static = true, bodies[1].family = 3;
+  poses[0].position[0] = 4, poses[1].position[0] = 5;
+  Input input;
+  input.shapes = {&shape, 1}, input.bodies = bodies, input.poses = poses;
+  const std::uint32_t moved[] = {1};
+  RevisionKeeper keeper;
+  const auto expect = [&](double first, double second) {
+    const Input settled = keeper.settle(input);
+    EXPECT_TRUE(settled.revision == 0 && settled.moved.empty() && !settled.poses);
+    EXPECT_EQ(settled.bodies[0].position[0], first);
+    EXPECT_EQ(settled.bodies[1].position[0], second);
+    EXPECT_TRUE(settled.bodies[0].is_static && settled.bodies[1].family == 3);
+  };
+  expect(4, 5);
+  input.revision = 1;
+  expect(4, 5);
+  poses[0].position[0] = 6, poses[1].position[0] = 7;
+  expect(4, 7);
+  input.poses = nullptr;
+  expect(4, 7);
+  bodies[1].position[0] = 8, input.moved = moved;
+  expect(4, 8);
+  input.revision = 0;
+  expect(0, 8);
 }
 
 INSTANTIATE_TEST_SUITE_P(Ways, RevisionTest,

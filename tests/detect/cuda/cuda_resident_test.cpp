@@ -285,10 +285,7 @@ TEST_F(CudaResident, OneGpuHasThePosesOfAllBodies) {
   const BodyScene scene = generate_bodies(20000);
   const Shape shape{scene.shape.data(), scene.shape.size()};
   std::vector<Pose> all(scene.bodies.size());
-  for (std::size_t k = 0; k < all.size(); k++) {
-    std::copy_n(scene.bodies[k].rotation, 9, all[k].rotation);
-    std::copy_n(scene.bodies[k].position, 3, all[k].position);
-  }
+  for (std::size_t k = 0; k < all.size(); k++) all[k] = pose_of(scene.bodies[k]);
   Input input;
   input.shapes = {&shape, 1}, input.bodies = scene.bodies, input.revision = 1;
   Detector one = one_on_the_cpu(on({}).detector);

@@ -145,10 +145,7 @@ struct MovingBodies {
       for (double& p : poses[k].position) p = k == 0 ? 0 : 9 * unit();
     }
     turn(1);
-    for (std::size_t k = 0; k < bodies.size(); k++) {
-      std::copy_n(poses[k].rotation, 9, bodies[k].rotation);
-      std::copy_n(poses[k].position, 3, bodies[k].position);
-    }
+    for (std::size_t k = 0; k < bodies.size(); k++) set_pose(bodies[k], poses[k]);
   }
   double unit() { return std::uniform_real_distribution<double>(-1, 1)(random); }
   void turn(double by) {

@@ -63,10 +63,7 @@ class ModelInput {
       fill(f32_, w.loose, form);
     else
       fill(f64_, w.loose, form);
-    for (const Body& b : bodies_) {
-      poses_.emplace_back();
-      std::copy_n(b.rotation, 9, poses_.back().rotation), std::copy_n(b.position, 3, poses_.back().position);
-    }
+    for (const Body& b : bodies_) poses_.push_back(pose_of(b));
     with_poses_ = form.poses;
     if (form.poses)
       for (Body& b : bodies_)  // not to be read
