@@ -75,6 +75,14 @@ Given<T> given(const Spheres& s, std::uint64_t k) {
 inline Sphere loose_at(const Spheres& s, std::uint64_t k) {
   return s.scalar == Scalar::f32 ? given<float>(s, k).sphere() : given<double>(s, k).sphere();
 }
+// What decides with which others loose sphere k may be in contact. In host memory.
+inline Filter filter_at(const Spheres& s, std::uint64_t k) {
+  return {s.family ? s.family[k] : 0, s.mask ? s.mask[k] : 0, s.is_static && s.is_static[k] ? kStatic : 0};
+}
+// The same of the spheres of body k.
+inline Filter filter_of(const Body& body, std::uint32_t k) {
+  return {body.family, body.mask, owner_of(k, body.is_static)};
+}
 
 // Are there worlds other than world 0?
 bool bodies_have_worlds(const Input& input);

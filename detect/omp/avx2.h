@@ -11,3 +11,11 @@ inline bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_
 
 }  // namespace padder::detect::omp
 #endif
+
+// Functions that are compiled for AVX2 as well. Such clones are chosen before the runtime of the thread
+// sanitizer is there.
+#if defined(PADDER_AVX2) && !defined(__SANITIZE_THREAD__)
+#define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define PADDER_CLONES
+#endif

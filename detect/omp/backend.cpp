@@ -320,10 +320,10 @@ class OmpBackend final : public Backend {
     for (std::int64_t k = 0; k < bodies; k++) {
       const Body body = body_at(input, static_cast<std::size_t>(k));
       const Shape& shape = input.shapes[body.shape];
-      const std::uint32_t mine = owner_of(static_cast<std::uint32_t>(k), body.is_static);
+      const Filter f = filter_of(body, static_cast<std::uint32_t>(k));
       for (std::uint64_t q = 0, at = first[static_cast<std::size_t>(k)]; q < shape.count; q++, at++) {
         out[at] = placed(body, shape.spheres[q]);
-        family[at] = body.family, mask[at] = body.mask, owner[at] = mine;
+        family[at] = f.family, mask[at] = f.mask, owner[at] = f.owner;
         if (world) world[at] = body.world;
       }
     }

@@ -60,12 +60,6 @@ __attribute__((target("avx2"))) std::uint32_t copy_normals_avx2(const Batch& bat
 
 }  // namespace
 
-#if defined(PADDER_AVX2) && \
-    !defined(__SANITIZE_THREAD__)  // clones are chosen before the runtime of the thread sanitizer is there
-#define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define PADDER_CLONES
-#endif
 PADDER_CLONES void order_pairs(const std::uint32_t* a, const std::uint32_t* b, std::uint32_t count,
                                const std::uint32_t* ids, Pair* pairs, std::uint32_t* i, std::uint32_t* j) {
   for (std::uint32_t k = 0; k < count; k++) {

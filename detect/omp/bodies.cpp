@@ -1,20 +1,14 @@
 // SPDX-License-Identifier: MIT
 #include "detect/omp/bodies.h"
 
-#include <omp.h>
-
 #include <algorithm>
 #include <bit>
 #include <cstring>
 
+#include "detect/omp/avx2.h"
+
 namespace padder::detect::omp {
 namespace {
-
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__SANITIZE_THREAD__)
-#define PADDER_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define PADDER_CLONES
-#endif
 
 // These loops decide for each of n spheres, in vectors, and give the same bits on every processor.
 // sift(): which spheres of a piece may the other ball touch?
@@ -50,6 +44,7 @@ std::uint64_t bits_of(const std::uint8_t* set, std::uint32_t count) {
 
 // The pairs of elements in a part, which is the unit of work and of the stable order.
 constexpr std::uint64_t kPart = 256;
+std::uint64_t parts_of(std::uint64_t pairs) { return (pairs + kPart - 1) / kPart; }
 
 }  // namespace
 
@@ -64,22 +59,15 @@ struct BodySearch::Survivors {
 };
 
 BodySearch::BodySearch(Budget& b)
-    : budget_(&b), grid_path_(b), broad_(b), balls_(b), family_(b), mask_(b), owner_(b), static_pairs_(b) {}
-
-template <class T>
-bool BodySearch::List<T>::add(Budget& budget, const T& value) {
-  total++;
-  if (size == buffer.capacity()) {
-    Buffer<T> wider(budget);
-    if (!wider.try_resize(std::max<std::uint64_t>(2 * size, 1024))) return false;
-    if (size) std::memcpy(wider.data(), buffer.data(), size * sizeof(T));
-    buffer.swap(wider);
-  }
-  buffer[size++] = value;
-  return true;
-}
-
-Sphere BodySearch::loose(std::uint32_t k) const { return loose_at(*spheres_, k); }
+    : grid_path_(b),
+      broad_(b),
+      balls_(b),
+      family_(b),
+      mask_(b),
+      owner_(b),
+      static_pairs_(b),
+      pair_lists_(b),
+      hit_lists_(b) {}
 
 void BodySearch::read_bodies(const Input& input, bool known) {
   if (!known) {
@@ -109,15 +97,11 @@ bool BodySearch::place(const Input& input, bool known, int threads) {
 #pragma omp parallel for schedule(static) num_threads(threads)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(n); k++) {
     const Element e = assembly_.elements[static_cast<std::size_t>(k)];
-    if (e.body == kLoose) {
-      balls[k] = ball_of(loose(e.piece));
-      family[k] = s.family ? s.family[e.piece] : 0, mask[k] = s.mask ? s.mask[e.piece] : 0;
-      owner[k] = s.is_static && s.is_static[e.piece] ? kStatic : 0;
-    } else {
-      const Body& body = bodies_[e.body];
-      balls[k] = ball_of(body, assembly_.pieces.pieces[e.piece]);
-      family[k] = body.family, mask[k] = body.mask, owner[k] = owner_of(e.body, body.is_static);
-    }
+    const bool is_loose = e.body == kLoose;
+    const Filter f = is_loose ? filter_at(s, e.piece) : filter_of(bodies_[e.body], e.body);
+    family[k] = f.family, mask[k] = f.mask, owner[k] = f.owner;
+    balls[k] =
+        is_loose ? ball_of(loose_at(s, e.piece)) : ball_of(bodies_[e.body], assembly_.pieces.pieces[e.piece]);
     balls[k].r += grown_by;
   }
   if (known) return true;
@@ -129,32 +113,6 @@ bool BodySearch::place(const Input& input, bool known, int threads) {
   return true;
 }
 
-// Calls f(first, end, list) for each part of 0 to count - 1, with the list of the thread that does it.
-// Afterwards `parts` says where the entries of each part are. Throws Error if there was not enough memory for
-// the lists.
-template <class T, class F>
-void BodySearch::in_parts(std::vector<List<T>>& lists, std::vector<Part>& parts, std::uint64_t count,
-                          int threads, F f) {
-  while (lists.size() < static_cast<std::size_t>(threads)) lists.emplace_back(*budget_);
-  for (List<T>& l : lists) l.size = l.total = 0;
-  parts.resize((count + kPart - 1) / kPart);
-#pragma omp parallel num_threads(threads)
-  {
-    const int t = omp_get_thread_num();
-    List<T>& mine = lists[static_cast<std::size_t>(t)];
-#pragma omp for schedule(dynamic, 1)
-    for (std::int64_t p = 0; p < static_cast<std::int64_t>(parts.size()); p++) {
-      const std::uint64_t first = static_cast<std::uint64_t>(p) * kPart, before = mine.size;
-      f(first, std::min(count, first + kPart), mine);
-      parts[static_cast<std::size_t>(p)] = {before, mine.size - before, t};
-    }
-  }
-  std::uint64_t total = 0, kept = 0;
-  for (const List<T>& l : lists) total += l.total, kept += l.size;
-  if (kept < total)
-    throw_memory(total * sizeof(T) + budget_->held(), (std::to_string(total) + " contacts").c_str());
-}
-
 // The static elements whose balls touch that of moving element e.
 void BodySearch::search_static(std::uint32_t e, List<Pair>& list) {
   const Sphere& ball = balls_[e];
@@ -164,7 +122,7 @@ void BodySearch::search_static(std::uint32_t e, List<Pair>& list) {
     for (std::uint32_t k = from; k < to; k++)
       if (touching(ball, table_.balls[k]) && in_bin(table_.balls[k]) &&
           admitted(mine, filter(table_.elements[k])))
-        list.add(*budget_, {e, table_.elements[k]});
+        list.add({e, table_.elements[k]});
   };
   const auto any = [](const Sphere&) { return true; };
   for (int level = 0; level < table_.grid.levels; level++) {
@@ -196,24 +154,22 @@ void BodySearch::search_static(std::uint32_t e, List<Pair>& list) {
 void BodySearch::find_static_pairs(int threads) {
   static_count_ = 0;
   if (table_.count == 0) return;
-  in_parts(pair_lists_, parts_, assembly_.moving, threads,
-           [&](std::uint64_t first, std::uint64_t end, List<Pair>& list) {
-             for (auto e = static_cast<std::uint32_t>(first); e < end; e++) search_static(e, list);
-           });
-  std::uint64_t all = 0;
-  for (const Part& p : parts_) all += p.count;
-  static_pairs_.resize(all, "pairs with static spheres");
-  for (const Part& p : parts_) {
-    const Pair* from = pair_lists_[static_cast<std::size_t>(p.thread)].buffer.data() + p.first;
-    std::copy_n(from, p.count, static_pairs_.data() + static_count_);
-    static_count_ += p.count;
-  }
+  const std::uint64_t moving = assembly_.moving;
+  pair_lists_.fill(parts_of(moving), threads, [&](std::uint64_t part, List<Pair>& list) {
+    for (std::uint64_t e = part * kPart; e < std::min(moving, (part + 1) * kPart); e++)
+      search_static(static_cast<std::uint32_t>(e), list);
+  });
+  static_count_ = pair_lists_.size();
+  Pair* const to = static_pairs_.resize(static_count_, "pairs with static spheres");
+  pair_lists_.each(threads, [&](std::span<const Pair> pairs, std::uint64_t place) {
+    std::copy(pairs.begin(), pairs.end(), to + place);
+  });
 }
 
 void BodySearch::gather(std::uint32_t element, const Sphere& other, Survivors& out) const {
   const Element e = assembly_.elements[element];
   out.body = e.body, out.count = 0;
-  if (e.body == kLoose) return out.add(e.piece, loose(e.piece));
+  if (e.body == kLoose) return out.add(e.piece, loose_at(*spheres_, e.piece));
   const Body& body = bodies_[e.body];
   const Piece& piece = assembly_.pieces.pieces[e.piece];
   const Sieve sieve = sieve_of(body, piece, balls_[element], other);
@@ -233,8 +189,7 @@ void BodySearch::test_pair(std::uint64_t k, const CallOptions& options, Survivor
   gather(p.i, balls_[p.j], a);
   if (a.count == 0) return;
   gather(p.j, balls_[p.i], b);
-  bool bounded = false;
-  for (int c = 0; c < 3; c++) bounded |= options.own.low[c] > -INFINITY || options.own.high[c] < INFINITY;
+  const bool bounded = options.own != Region{};
   for (std::uint32_t i = 0; i < a.count; i++) {
     const Sphere s = a[i];
     std::uint8_t hit[kPieceSpheres] = {};
@@ -248,28 +203,21 @@ void BodySearch::test_pair(std::uint64_t k, const CallOptions& options, Survivor
         const bool ordered = sphere_number(a.body, a.slot[i]) < sphere_number(b.body, b.slot[j]);
         if (!owns(options.own, ordered ? midpoint(s, b[j]) : midpoint(b[j], s))) continue;
       }
-      hits.add(*budget_, {a.body, a.slot[i], b.body, b.slot[j]});
+      hits.add({a.body, a.slot[i], b.body, b.slot[j]});
     }
   }
 }
 
 void BodySearch::write(const CallOptions& options, int threads, Records& records) {
-  std::vector<std::uint64_t> first(parts_.size());
-  std::uint64_t sum = 0;
-  for (std::size_t p = 0; p < parts_.size(); p++) first[p] = sum, sum += parts_[p].count;
-  records.resize(sum, options);
-#pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
-  for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
-    const Part& p = parts_[static_cast<std::size_t>(k)];
-    const Hit* hit = hit_lists_[static_cast<std::size_t>(p.thread)].buffer.data() + p.first;
-    RecordWriter writer(records, options, first[static_cast<std::size_t>(k)]);
-    for (std::uint64_t q = 0; q < p.count; q++) {
-      const Hit& h = hit[q];
+  records.resize(hit_lists_.size(), options);
+  hit_lists_.each(threads, [&](std::span<const Hit> hits, std::uint64_t place) {
+    RecordWriter writer(records, options, place);
+    for (const Hit& h : hits) {
       const Sphere a = options.width == Width::pairs ? Sphere{} : sphere(h.a_body, h.a_slot);
       writer.add(sphere_number(h.a_body, h.a_slot), sphere_number(h.b_body, h.b_slot), a,
                  [&] { return sphere(h.b_body, h.b_slot); });
     }
-  }
+  });
 }
 
 bool BodySearch::knows(const Input& input, double margin) const {
@@ -301,11 +249,12 @@ bool BodySearch::run(const Input& input, const CallOptions& options, int threads
   watch.lap();
   find_static_pairs(threads);
   seconds.stage[6] += watch.lap();
-  in_parts(hit_lists_, parts_, broad_.count + static_count_, threads,
-           [&](std::uint64_t first, std::uint64_t end, List<Hit>& list) {
-             Survivors a, b;
-             for (std::uint64_t k = first; k < end; k++) test_pair(k, options, a, b, list);
-           });
+  const std::uint64_t pairs = broad_.count + static_count_;
+  hit_lists_.fill(parts_of(pairs), threads, [&](std::uint64_t part, List<Hit>& list) {
+    Survivors a, b;
+    for (std::uint64_t k = part * kPart; k < std::min(pairs, (part + 1) * kPart); k++)
+      test_pair(k, options, a, b, list);
+  });
   seconds.stage[6] += watch.lap();
   write(options, threads, records);
   seconds.stage[8] += watch.lap();

@@ -4,7 +4,7 @@
 #pragma once
 #include "detect/core/assembly.h"
 #include "detect/core/static_table.h"
-#include "detect/omp/paths.h"
+#include "detect/omp/parts.h"
 
 namespace padder::detect::omp {
 
@@ -30,19 +30,6 @@ class BodySearch {
   struct Hit {
     std::uint32_t a_body, a_slot, b_body, b_slot;
   };
-  // The list of one thread. It grows as it must; if it cannot, it only counts from then on.
-  template <class T>
-  struct List {
-    explicit List(Budget& b) : buffer(b) {}
-    Buffer<T> buffer;
-    std::uint64_t size = 0, total = 0;
-    bool add(Budget& budget, const T& value);
-  };
-  // A part of the list of one thread.
-  struct Part {
-    std::uint64_t first, count;
-    int thread;
-  };
   struct Survivors;
 
   void read_bodies(const Input& input, bool known);
@@ -52,12 +39,9 @@ class BodySearch {
   void test_pair(std::uint64_t pair, const CallOptions& options, Survivors& a, Survivors& b, List<Hit>& hits);
   void gather(std::uint32_t element, const Sphere& other, Survivors& out) const;
   void write(const CallOptions& options, int threads, Records& records);
-  template <class T, class F>
-  void in_parts(std::vector<List<T>>& lists, std::vector<Part>& parts, std::uint64_t count, int threads, F f);
 
-  Sphere loose(std::uint32_t k) const;
   Sphere sphere(std::uint32_t body, std::uint32_t slot) const {
-    return body == kLoose ? loose(slot) : placed(bodies_[body], assembly_.pieces.spheres[slot]);
+    return body == kLoose ? loose_at(*spheres_, slot) : placed(bodies_[body], assembly_.pieces.spheres[slot]);
   }
   // The number of a sphere in the input.
   std::uint32_t sphere_number(std::uint32_t body, std::uint32_t slot) const {
@@ -70,7 +54,6 @@ class BodySearch {
   }
 
   static constexpr std::uint32_t kWorkOfPiece = 16;
-  Budget* budget_;
   std::uint64_t revision_ = 0, known_loose_ = 0;
   Assembly assembly_;
   StaticTable table_;
@@ -83,9 +66,8 @@ class BodySearch {
   Buffer<std::uint32_t> family_, mask_, owner_;
   Buffer<Pair> static_pairs_;  // a moving and a static element whose balls touch
   std::uint64_t static_count_ = 0;
-  std::vector<List<Pair>> pair_lists_;
-  std::vector<List<Hit>> hit_lists_;
-  std::vector<Part> parts_;
+  PartLists<Pair> pair_lists_;
+  PartLists<Hit> hit_lists_;
 };
 
 }  // namespace padder::detect::omp

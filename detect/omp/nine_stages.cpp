@@ -3,6 +3,8 @@
 // reference, written to be compared with the text and not to be fast.
 #include <omp.h>
 
+#include <numeric>
+
 #include "detect/omp/paths.h"
 
 namespace padder::detect::omp {
@@ -27,11 +29,24 @@ std::uint64_t inclusive_scan(const std::uint64_t* a, std::uint64_t* out, std::ui
     for (std::uint64_t k = begin; k < end; k++) out[k] = s += a[k];
     sum[t + 1] = s;
   });
-  for (std::size_t t = 1; t < sum.size(); t++) sum[t] += sum[t - 1];
+  std::partial_sum(sum.begin(), sum.end(), sum.begin());
   in_blocks(n, threads, [&](std::uint64_t t, std::uint64_t begin, std::uint64_t end) {
     for (std::uint64_t k = begin; k < end; k++) out[k] += sum[t];
   });
   return n ? out[n - 1] : 0;
+}
+
+// How many of 0 to n - 1 are chosen before the block of each thread (in_blocks), and at last how many in all.
+template <class Chosen>
+std::vector<std::uint64_t> chosen_before(std::uint64_t n, int threads, Chosen chosen) {
+  std::vector<std::uint64_t> before(static_cast<std::size_t>(threads) + 1, 0);
+  in_blocks(n, threads, [&](std::uint64_t t, std::uint64_t begin, std::uint64_t end) {
+    std::uint64_t count = 0;
+    for (std::uint64_t k = begin; k < end; k++) count += chosen(k);
+    before[t + 1] = count;
+  });
+  std::partial_sum(before.begin(), before.end(), before.begin());
+  return before;
 }
 
 // Stage 1: T[i], the number of bins object i touches.
@@ -95,14 +110,8 @@ void stage4(Buffer<BinEntry>& B, Buffer<BinEntry>& spare, std::uint64_t n, std::
 // C. The paper's C has one for each bin of the grid, but a sparse domain has billions of bins.
 std::uint64_t stage5(const BinEntry* B, std::uint64_t n, Buffer<BinStart>& C, Buffer<BinStart>& spare,
                      int threads) {
-  std::vector<std::uint64_t> first(static_cast<std::size_t>(threads) + 1, 0);
   const auto starts = [&](std::uint64_t k) { return k == 0 || B[k].bin != B[k - 1].bin; };
-  in_blocks(n, threads, [&](std::uint64_t t, std::uint64_t begin, std::uint64_t end) {
-    std::uint64_t found = 0;
-    for (std::uint64_t k = begin; k < end; k++) found += starts(k);
-    first[t + 1] = found;
-  });
-  for (std::size_t t = 1; t < first.size(); t++) first[t] += first[t - 1];
+  const std::vector<std::uint64_t> first = chosen_before(n, threads, starts);
   const std::uint64_t bins = first.back();
   C.resize(bins, "bins (array C)"), spare.resize(bins, "bins (array C)");
   in_blocks(n, threads, [&](std::uint64_t t, std::uint64_t begin, std::uint64_t end) {
@@ -123,17 +132,12 @@ std::uint64_t stage5(const BinEntry* B, std::uint64_t n, Buffer<BinStart>& C, Bu
 // Stage 6: moves inactive bins to the end. The starts of the others ascend already, so the paper's sort by
 // start is a stable partition here. Returns the number of active bins.
 std::uint64_t stage6(Buffer<BinStart>& C, Buffer<BinStart>& spare, std::uint64_t bins, int threads) {
-  std::vector<std::uint64_t> first(static_cast<std::size_t>(threads) + 1, 0);
-  in_blocks(bins, threads, [&](std::uint64_t t, std::uint64_t begin, std::uint64_t end) {
-    std::uint64_t found = 0;
-    for (std::uint64_t k = begin; k < end; k++) found += C[k].start != kInactive;
-    first[t + 1] = found;
-  });
-  for (std::size_t t = 1; t < first.size(); t++) first[t] += first[t - 1];
+  const auto is_active = [&](std::uint64_t k) { return C[k].start != kInactive; };
+  const std::vector<std::uint64_t> first = chosen_before(bins, threads, is_active);
   const std::uint64_t active = first.back();
   in_blocks(bins, threads, [&](std::uint64_t t, std::uint64_t begin, std::uint64_t end) {
     std::uint64_t at = first[t], rest = active + (begin - first[t]);
-    for (std::uint64_t k = begin; k < end; k++) spare[C[k].start != kInactive ? at++ : rest++] = C[k];
+    for (std::uint64_t k = begin; k < end; k++) spare[is_active(k) ? at++ : rest++] = C[k];
   });
   C.swap(spare);
   return active;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "detect/omp/worlds.h"
 
-#include <omp.h>
-
 #include <algorithm>
 #include <atomic>
 #include <numeric>
@@ -13,12 +11,6 @@ namespace padder::detect::omp {
 namespace {
 
 constexpr std::uint32_t kPartElements = 64;
-
-bool bounded(const Region& own) {
-  bool is = false;
-  for (int c = 0; c < 3; c++) is |= own.low[c] > -INFINITY || own.high[c] < INFINITY;
-  return is;
-}
 
 // Along which part of space the curve runs: from quantiles of some of the centres.
 CurveBox curve_box(const Sphere* balls, std::uint32_t count) {
@@ -46,8 +38,7 @@ struct WorldSearch::Spheres64 {
 };
 
 WorldSearch::WorldSearch(Budget& b)
-    : budget_(&b),
-      elements_(b),
+    : elements_(b),
       elements_given_(b),
       balls_(b),
       balls_given_(b),
@@ -57,25 +48,13 @@ WorldSearch::WorldSearch(Budget& b)
       world_end_(b),
       order_(b),
       curve_(b),
-      nodes_(b) {}
+      nodes_(b),
+      hits_(b) {}
 
 void WorldSearch::Nearest::take(double d, Pair p) {
   if (d < distance || (d == distance && (p.i < pair.i || (p.i == pair.i && p.j < pair.j))))
     distance = d, pair = p;
 }
-
-void WorldSearch::Hits::add(Budget& budget, const Hit& hit) {
-  total++;
-  if (size == buffer.capacity()) {
-    Buffer<Hit> wider(budget);
-    if (!wider.try_resize(std::max<std::uint64_t>(2 * size, 1024))) return;
-    std::copy_n(buffer.data(), size, wider.data());
-    buffer.swap(wider);
-  }
-  buffer[size++] = hit;
-}
-
-Sphere WorldSearch::loose(std::uint32_t k) const { return loose_at(*spheres_, k); }
 
 void WorldSearch::read_elements(const Input& input, int threads) {
   spheres_ = &input.spheres;
@@ -111,7 +90,7 @@ void WorldSearch::read_elements(const Input& input, int threads) {
     const std::uint32_t at = of_bodies + static_cast<std::uint32_t>(k);
     elements[at] = {kLoose, static_cast<std::uint32_t>(k)};
     worlds[at] = s.world ? s.world[k] : s.world_of_all;
-    balls[at] = loose(static_cast<std::uint32_t>(k));
+    balls[at] = loose_at(s, static_cast<std::uint64_t>(k));
   }
 }
 
@@ -193,13 +172,7 @@ void WorldSearch::build_tree(int threads) {
     const std::uint32_t from = order_[static_cast<std::uint64_t>(k)];
     const Element e = elements[k] = elements_given_[from];
     balls[k] = balls_given_[from];
-    if (e.body == kLoose) {
-      filters[k] = {s.family ? s.family[e.piece] : 0, s.mask ? s.mask[e.piece] : 0,
-                    s.is_static && s.is_static[e.piece] ? kStatic : 0};
-    } else {
-      const Body& body = bodies_[e.body];
-      filters[k] = {body.family, body.mask, owner_of(e.body, body.is_static)};
-    }
+    filters[k] = e.body == kLoose ? filter_at(s, e.piece) : filter_of(bodies_[e.body], e.body);
   }
   const std::uint32_t all = lay_out(tree_, n, tree_.base);
   TreeBox* nodes = nodes_.resize(all, "the tree of worlds");
@@ -253,7 +226,7 @@ bool WorldSearch::test_pair(std::uint32_t a, std::uint32_t b, const CallOptions&
   gather(a, balls_[b], reach, of_a);
   if (of_a.count == 0) return true;
   gather(b, balls_[a], reach, of_b);
-  const bool own = bounded(options.own);
+  const bool own = options.own != Region{};
   for (std::uint32_t i = 0; i < of_a.count; i++)
     for (std::uint32_t j = 0; j < of_b.count; j++) {
       const Sphere &sa = of_a.sphere[i], &sb = of_b.sphere[j];
@@ -290,21 +263,13 @@ bool WorldSearch::search(std::uint32_t e, const CallOptions& options, const doub
 }
 
 void WorldSearch::write(const CallOptions& options, int threads, Records& records) {
-  std::vector<std::uint64_t> first(parts_.size());
-  std::uint64_t sum = 0;
-  for (std::size_t p = 0; p < parts_.size(); p++) first[p] = sum, sum += parts_[p].hits;
-  records.resize(sum, options);
-#pragma omp parallel for schedule(dynamic, 8) num_threads(threads)
-  for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
-    const Part& p = parts_[static_cast<std::size_t>(k)];
-    const Hit* hit = hits_[static_cast<std::size_t>(p.thread)].buffer.data() + p.hits_first;
-    RecordWriter writer(records, options, first[static_cast<std::size_t>(k)]);
-    for (std::uint64_t q = 0; q < p.hits; q++) {
-      const Hit& h = hit[q];
+  records.resize(hits_.size(), options);
+  hits_.each(threads, [&](std::span<const Hit> hits, std::uint64_t place) {
+    RecordWriter writer(records, options, place);
+    for (const Hit& h : hits)
       writer.add(number(h.a_element, h.a_slot), number(h.b_element, h.b_slot), sphere(h.a_element, h.a_slot),
                  [&] { return sphere(h.b_element, h.b_slot); });
-    }
-  }
+  });
 }
 
 void WorldSearch::run(const Input& input, const CallOptions& options, int threads, Records& records,
@@ -313,26 +278,14 @@ void WorldSearch::run(const Input& input, const CallOptions& options, int thread
   read(input, options, threads);
   make_parts(tree_.count);
   seconds.place = watch.lap();
-  while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
-  for (Hits& h : hits_) h.size = h.total = 0;
-#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
-  for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
-    Part& p = parts_[static_cast<std::size_t>(k)];
-    p.thread = omp_get_thread_num();
-    Hits& mine = hits_[static_cast<std::size_t>(p.thread)];
-    p.hits_first = mine.size;
-    for (std::uint32_t e = p.first; e < p.end; e++)
+  hits_.fill(parts_.size(), threads, [&](std::uint64_t part, List<Hit>& list) {
+    for (std::uint32_t e = parts_[part].first; e < parts_[part].end; e++)
       search(e, options, options.margin,
              [&](std::uint32_t b, std::uint32_t a_slot, std::uint32_t b_slot, const Sphere&, const Sphere&) {
-               mine.add(*budget_, {e, a_slot, b, b_slot});
+               list.add({e, a_slot, b, b_slot});
                return true;
              });
-    p.hits = mine.size - p.hits_first;
-  }
-  std::uint64_t total = 0, kept = 0;
-  for (const Hits& h : hits_) total += h.total, kept += h.size;
-  if (kept < total)
-    throw_memory(total * sizeof(Hit) + budget_->held(), (std::to_string(total) + " contacts").c_str());
+  });
   seconds.stage[6] = watch.lap();
   write(options, threads, records);
   seconds.stage[8] = watch.lap();

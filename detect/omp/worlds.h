@@ -5,7 +5,7 @@
 #pragma once
 #include "detect/core/pieces.h"
 #include "detect/core/world_tree.h"
-#include "detect/omp/paths.h"
+#include "detect/omp/parts.h"
 
 namespace padder::detect::omp {
 
@@ -23,25 +23,17 @@ class WorldSearch {
   struct Hit {
     std::uint32_t a_element, a_slot, b_element, b_slot;
   };
-  // The hits of one thread. If there is not enough memory, hits are only counted from then on.
-  struct Hits {
-    explicit Hits(Budget& b) : buffer(b) {}
-    void add(Budget& budget, const Hit& hit);
-    Buffer<Hit> buffer;
-    std::uint64_t size = 0, total = 0;
-  };
   // The best pair so far.
   struct Nearest {
     double distance = INFINITY;
     Pair pair{~0u, ~0u};
     void take(double other_distance, Pair other);
   };
-  // Consecutive elements of one world: the unit of work, and of the stable order. For a list, where its hits
-  // are; for an answer, what was found.
+  // Consecutive elements of one world: the unit of work, and of the stable order. For an answer, what was
+  // found.
   struct Part {
     std::uint32_t first, end;
-    std::uint64_t hits_first = 0, hits = 0;
-    int thread = 0;
+    std::uint64_t hits = 0;
     Nearest nearest;
   };
   struct Spheres64;
@@ -56,7 +48,6 @@ class WorldSearch {
   void check_elements(const Input& input, const CallOptions& options) const;
   void write(const CallOptions& options, int threads, Records& records);
 
-  Sphere loose(std::uint32_t k) const;
   Sphere sphere(std::uint32_t e, std::uint32_t slot) const {
     const Element& element = elements_[e];
     return element.body == kLoose ? balls_[e] : placed(bodies_[element.body], pieces_.spheres[slot]);
@@ -73,7 +64,6 @@ class WorldSearch {
   template <class Found>
   bool search(std::uint32_t e, const CallOptions& options, const double& reach, Found found) const;
 
-  Budget* budget_;
   Pieces pieces_;
   std::vector<Body> bodies_;  // at their poses of this call
   std::vector<std::uint32_t> body_first_;
@@ -89,7 +79,7 @@ class WorldSearch {
   Buffer<TreeBox> nodes_;
   WorldTree tree_;
   std::vector<Part> parts_;
-  std::vector<Hits> hits_;  // of each thread
+  PartLists<Hit> hits_;
   std::vector<std::uint8_t> any_;
   std::vector<std::uint64_t> count_;
   std::vector<double> distance_;

@@ -28,9 +28,8 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   s.exact = options.precision == Precision::exact || options.margin > 0;
   // With a history, contacts have slots of their own even in any order: then they stay near their place.
   s.stable_order = options.order == Order::stable || options.history;
-  s.own = options.own, s.radius = summary.radius_max, s.margin = options.margin, s.owns_all = true;
-  for (int k = 0; k < 3; k++)
-    s.owns_all = s.owns_all && options.own.low[k] == -INFINITY && options.own.high[k] == INFINITY;
+  s.own = options.own, s.radius = summary.radius_max, s.margin = options.margin;
+  s.owns_all = options.own == Region{};
   if (!s.owns_all) s.owner_band = owner_band(extent_of(summary), summary.radius_max, options.margin);
   return s;
 }

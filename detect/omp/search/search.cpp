@@ -47,9 +47,7 @@ class Searcher {
         hits_(hits),
         exact_(options.precision == Precision::exact || options.margin > 0),
         margin_(options.margin) {
-    for (int k = 0; k < 3; k++) confirms_ |= own_.low[k] > -INFINITY || own_.high[k] < INFINITY;
-    bounded_ = confirms_;
-    confirms_ |= filters != nullptr;
+    bounded_ = own_ != Region{}, confirms_ = bounded_ || filters != nullptr;
     for (int k = 0; k < grid.levels; k++) level_keys_[k] = keys_of(grid.level[k]);
   }
   std::uint64_t doubtful() const { return doubtful_; }
