@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "detect/core/input.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -15,19 +16,10 @@ using Rungs = std::span<const Rung>;
 constexpr double kNothing = std::numeric_limits<double>::infinity();
 
 // A ball around all rungs of a shape, a hair larger for the rounding of what is placed.
-Sphere ball_around(Rungs rungs) {
-  double low[3] = {kNothing, kNothing, kNothing}, high[3] = {-kNothing, -kNothing, -kNothing};
-  for (const Rung& r : rungs)
-    for (const Sphere& s : r.spheres) {
-      const double c[3] = {s.x, s.y, s.z};
-      for (int k = 0; k < 3; k++)
-        low[k] = std::min(low[k], c[k] - s.r), high[k] = std::max(high[k], c[k] + s.r);
-    }
-  if (!(low[0] <= high[0])) return {0, 0, 0, 0};
-  Sphere ball{(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2, 0};
-  for (const Rung& r : rungs)
-    for (const Sphere& s : r.spheres)
-      ball.r = std::max(ball.r, std::hypot(s.x - ball.x, s.y - ball.y, s.z - ball.z) + s.r);
+Sphere ball_around_all(Rungs rungs) {
+  std::vector<Sphere> all;
+  for (const Rung& r : rungs) all.insert(all.end(), r.spheres.begin(), r.spheres.end());
+  Sphere ball = ball_around(all);
   ball.r *= 1 + 1e-9;
   return ball;
 }
@@ -69,18 +61,12 @@ RungChoice rungs_chosen(std::span<const Rungs> shapes, std::span<const Body> bod
   return out;
 }
 
-double radius_of(const Spheres& s, std::uint64_t k) {
-  const std::uint64_t at = k * s.radius_stride;
-  return s.scalar == Scalar::f32 ? static_cast<const float*>(s.radii)[at]
-                                 : static_cast<const double*>(s.radii)[at];
-}
-
 // Of each body the size of its smallest partner.
 std::vector<double> smallest_partners(std::span<const Rungs> shapes, std::span<const Body> bodies,
                                       const Spheres& loose, double margin, const DeviceChoice& device) {
   std::vector<Sphere> balls;
   std::vector<double> sizes;
-  for (const Rungs rungs : shapes) balls.push_back(ball_around(rungs)), sizes.push_back(size_of(rungs));
+  for (const Rungs rungs : shapes) balls.push_back(ball_around_all(rungs)), sizes.push_back(size_of(rungs));
   std::vector<Shape> ball_shapes;
   for (const Sphere& ball : balls) ball_shapes.push_back({&ball, 1});
   CallOptions options;
@@ -89,7 +75,7 @@ std::vector<double> smallest_partners(std::span<const Rungs> shapes, std::span<c
   Input input;
   input.shapes = ball_shapes, input.bodies = bodies, input.spheres = loose;
   const auto size = [&](std::uint32_t k) {
-    return k < bodies.size() ? sizes[bodies[k].shape] : radius_of(loose, k - bodies.size());
+    return k < bodies.size() ? sizes[bodies[k].shape] : loose_at(loose, k - bodies.size()).r;
   };
   std::vector<double> smallest(bodies.size(), kNothing);
   for (const Pair& p : detector.detect(input).pair_span()) {
@@ -100,6 +86,20 @@ std::vector<double> smallest_partners(std::span<const Rungs> shapes, std::span<c
 }
 
 }  // namespace
+
+Sphere ball_around(std::span<const Sphere> spheres) {
+  if (spheres.empty()) return {};
+  double low[3] = {kNothing, kNothing, kNothing}, high[3] = {-kNothing, -kNothing, -kNothing};
+  for (const Sphere& s : spheres) {
+    const double c[3] = {s.x, s.y, s.z};
+    for (int k = 0; k < 3; k++)
+      low[k] = std::min(low[k], c[k] - s.r), high[k] = std::max(high[k], c[k] + s.r);
+  }
+  Sphere ball{(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2, 0};
+  for (const Sphere& s : spheres)
+    ball.r = std::max(ball.r, std::hypot(s.x - ball.x, s.y - ball.y, s.z - ball.z) + s.r);
+  return ball;
+}
 
 double error_between(const Rung& finest, const Rung& coarse) {
   return std::max(finest.protrusion + coarse.gap, coarse.protrusion + finest.gap);

@@ -12,6 +12,9 @@
 
 namespace padder::detect {
 
+// A ball around spheres, about the middle of their box. Without spheres a point at the origin.
+Sphere ball_around(std::span<const Sphere> spheres);
+
 // One cover of a part. Both errors are proved bounds against the part's surface: no sphere reaches farther
 // out of it than `protrusion`, and no point of it is farther from a sphere than `gap`. Infinite: not proved.
 struct Rung {

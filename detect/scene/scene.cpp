@@ -254,17 +254,9 @@ Scene pile_of(const Cluster& cluster, std::uint64_t n) {
   scene.unit = cluster.unit;
   scene.assets.push_back(asset_of(cluster));
   const std::vector<Sphere>& spheres = scene.assets.front().spheres;
-  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY}, bound = 0;
-  for (const Sphere& s : spheres) {
-    const double c[3] = {s.x, s.y, s.z};
-    for (int k = 0; k < 3; k++)
-      low[k] = std::min(low[k], c[k] - s.r), high[k] = std::max(high[k], c[k] + s.r);
-  }
   if (spheres.empty()) throw Error("the cluster " + cluster.name + " has no spheres to copy");
-  const Sphere center{(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2, 0};
-  for (const Sphere& s : spheres)
-    bound = std::max(bound, std::hypot(s.x - center.x, s.y - center.y, s.z - center.z) + s.r);
-  scene.bodies = pile(n, bound);
+  const Sphere center = ball_around(spheres);
+  scene.bodies = pile(n, center.r);
   for (Body& b : scene.bodies) {
     const Sphere moved = placed(b, center);  // the lattice places centres, a pose places origins
     const double at[3] = {moved.x, moved.y, moved.z};

@@ -26,18 +26,9 @@ struct Part {
 };
 
 Part part_of(std::string name, std::vector<detect::Sphere> spheres) {
-  double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
-  for (const detect::Sphere& s : spheres) {
-    const double c[3] = {s.x, s.y, s.z};
-    for (int k = 0; k < 3; k++)
-      low[k] = std::min(low[k], c[k] - s.r), high[k] = std::max(high[k], c[k] + s.r);
-  }
-  Part part{std::move(name), std::move(spheres), 0};
-  for (detect::Sphere& s : part.spheres) {
-    s.x -= (low[0] + high[0]) / 2, s.y -= (low[1] + high[1]) / 2, s.z -= (low[2] + high[2]) / 2;
-    part.bound = std::max(part.bound, std::hypot(s.x, s.y, s.z) + s.r);
-  }
-  return part;
+  const detect::Sphere ball = detect::ball_around(spheres);
+  for (detect::Sphere& s : spheres) s.x -= ball.x, s.y -= ball.y, s.z -= ball.z;
+  return {std::move(name), std::move(spheres), ball.r};
 }
 
 // Sets of poses that follow each other in turn: each body moves by up to a hundredth of its bounding sphere.
