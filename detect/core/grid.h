@@ -138,19 +138,6 @@ PADDER_HD std::uint32_t key_of(const Level& l, const Bin& b) {
   return key_in_row(l, row_of(l, b.y, b.z), b.x);
 }
 
-// Restricts the bins x_low to x_high of row (y, z) to those that exist. False if none of them does. A sphere
-// that searches its own level does not need this, because of the border; a finer sphere may lie outside the
-// bounds of a coarser level.
-PADDER_HD bool cut_row(const Level& l, std::int64_t& x_low, std::int64_t& x_high, std::int64_t y,
-                       std::int64_t z) {
-  if (l.hashed) return true;
-  if (y < l.first[1] || y >= l.first[1] + l.count[1] || z < l.first[2] || z >= l.first[2] + l.count[2])
-    return false;
-  if (x_low < l.first[0]) x_low = l.first[0];
-  if (x_high >= l.first[0] + l.count[0]) x_high = l.first[0] + l.count[0] - 1;
-  return x_low <= x_high;
-}
-
 // Is the bin of this candidate one of the bins x_low to x_high of row (y, z)? Asked on hashed levels only,
 // where two rows of a wide search may share buckets. Without the question a pair could be found twice, or by
 // a fixed-point distance that wrapped.
@@ -158,16 +145,6 @@ PADDER_HD bool in_row(const Level& l, const Sphere& s, std::int64_t x_low, std::
                       std::int64_t y, std::int64_t z) {
   const Bin b = bin_of(l, s);
   return b.y == y && b.z == z && x_low <= b.x && b.x <= x_high;
-}
-
-// The neighbouring bins of level l, along one axis, in which a sphere of radius r may find partners. Relative
-// to its own bin: low is -1 or 0, high is 0 or 1.
-struct BinOffsets {
-  int low, high;
-};
-PADDER_HD BinOffsets neighbour_offsets(const Level& l, const Split& s, double r) {
-  const double search_radius = (r + l.grown_by + l.radius_max) * (1 + 0x1p-20);
-  return {s.rest < search_radius ? -1 : 0, s.rest + search_radius >= l.size ? 1 : 0};
 }
 
 // A sphere that searches a finer level computes its search radius in bins of that level, in float. This
