@@ -7,6 +7,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "detect/detector.h"
@@ -64,12 +65,21 @@ void say(const Settings&, const std::string& sentence);                // progre
 const detect::Contacts& detect_watched(detect::Detector& detector, const detect::Input& input);
 std::uint64_t hash_watched(const detect::Detector& detector);
 
-std::vector<detect::BackendKind> backends(const Settings&);               // those asked for that are there
-detect::Input input_of(const std::vector<detect::FloatSphere>& spheres);  // borrows
+std::vector<detect::BackendKind> backends(const Settings&);  // those asked for that are there
+// These borrow.
+detect::Spheres view_of(const detect::FloatSphere* spheres, std::uint64_t count);
+detect::Input input_of(const std::vector<detect::FloatSphere>& spheres);
 
 // The yardstick and oracle: a plain uniform grid, one thread, double arithmetic. Pairs (i < j), unsorted.
 std::vector<detect::Pair> plain_grid(const std::vector<detect::FloatSphere>& spheres);
 std::uint64_t hash_of(const std::vector<detect::Pair>& pairs);
+
+// A straight line through points (x, y) by least squares. r2: the share of the spread of y that it explains.
+struct FittedLine {
+  double offset = 0, slope = 0, r2 = 1;
+};
+using Points = std::vector<std::pair<double, double>>;
+FittedLine fitted_line(const Points& points);
 
 std::string machine();  // processor and threads, in words
 std::string number(double value, const char* format);

@@ -22,12 +22,6 @@ namespace {
 using detect::FloatSphere, detect::Spheres;
 using Scene = std::vector<FloatSphere>;
 
-Spheres view(const FloatSphere* spheres, std::uint64_t count) {
-  Spheres s = detect::spheres_of<float>(count, &spheres->x, &spheres->r);
-  s.center_stride = s.radius_stride = 4;
-  return s;
-}
-
 // Appends the spheres k of `from` for which keep(k), in their order.
 template <class Keep>
 void append(const Scene& from, const Keep& keep, Scene& to) {
@@ -51,22 +45,6 @@ void append(const Scene& from, const Keep& keep, Scene& to) {
     std::size_t place = first[b];
     each_kept(b, [&](std::size_t k) { to[place++] = from[k]; });
   }
-}
-
-// A straight line through the points by least squares.
-struct Line {
-  double offset = 0, slope = 0, r2 = 1;
-};
-Line line_through(const std::vector<std::pair<double, double>>& points) {
-  const double n = static_cast<double>(points.size());
-  double x = 0, y = 0, xx = 0, xy = 0, yy = 0;
-  for (const auto& [a, b] : points) x += a / n, y += b / n;
-  for (const auto& [a, b] : points) xx += (a - x) * (a - x), xy += (a - x) * (b - y), yy += (b - y) * (b - y);
-  Line line;
-  if (xx > 0) line.slope = xy / xx;
-  line.offset = y - line.slope * x;
-  if (yy > 0 && xx > 0) line.r2 = xy * xy / (xx * yy);
-  return line;
 }
 
 class Table {
@@ -150,7 +128,7 @@ class Parts {
   void make_views(const std::vector<std::uint64_t>& first) {
     views_.clear();
     for (std::size_t k = 0; k + 1 < first.size(); k++)
-      views_.push_back(view(all_.data() + first[k], first[k + 1] - first[k]));
+      views_.push_back(view_of(all_.data() + first[k], first[k + 1] - first[k]));
   }
 
   Scene all_;
@@ -186,7 +164,7 @@ std::string compare(const Scene& scene, std::uint64_t hash, const std::string& w
   if (with_one_gpu) {
     try {
       detect::ResidentDetector one(options_for(1));
-      const Spheres all[1] = {view(scene.data(), scene.size())};
+      const Spheres all[1] = {input_of(scene).spheres};
       one.detect(all);
       expect(one.hash(), "one GPU");
     } catch (const Error& e) {
@@ -197,8 +175,7 @@ std::string compare(const Scene& scene, std::uint64_t hash, const std::string& w
     detect::CallOptions o;
     o.width = detect::Width::pairs;
     detect::Detector cpu(detect::DeviceChoice{detect::BackendKind::omp}, o);
-    detect::Input input;
-    input.spheres = view(scene.data(), scene.size());
+    const detect::Input input = input_of(scene);
     cpu.detect(input);
     expect(cpu.hash(), "the CPU");
   }
@@ -206,8 +183,7 @@ std::string compare(const Scene& scene, std::uint64_t hash, const std::string& w
     detect::BoxOptions o;
     o.devices = detect::all_devices(), o.boxes = 4 * static_cast<std::uint32_t>(o.devices.size());
     o.detector.order = detect::Order::any, o.detector.width = detect::Width::pairs;
-    detect::Input input;
-    input.spheres = view(scene.data(), scene.size());
+    const detect::Input input = input_of(scene);
     expect(detect::BoxedDetector(o).detect(input, {}).hash, "boxes from host memory");
   }
   return against;
@@ -248,11 +224,9 @@ class PosesOnGpus {
  public:
   PosesOnGpus(std::span<const detect::Body> bodies, const std::vector<std::uint64_t>& cuts) {
     for (std::size_t k = 0; k + 1 < cuts.size(); k++) {
-      std::vector<detect::Pose> poses(cuts[k + 1] - cuts[k]);
-      for (std::uint64_t b = 0; b < poses.size(); b++) {
-        std::copy_n(bodies[cuts[k] + b].rotation, 9, poses[b].rotation);
-        std::copy_n(bodies[cuts[k] + b].position, 3, poses[b].position);
-      }
+      std::vector<detect::Pose> poses;
+      for (const detect::Body& b : bodies.subspan(cuts[k], cuts[k + 1] - cuts[k]))
+        poses.push_back(pose_of(b));
       const std::size_t bytes = poses.size() * sizeof(detect::Pose);
       must(cudaSetDevice(static_cast<int>(k)), "choose a GPU");
       must(cudaMalloc(&copies_.emplace_back(nullptr), bytes + 1), "allocate the poses");
@@ -347,8 +321,7 @@ void out_of_core_row(const Settings& s, Table& t, const Scene& scene) {
   say(s, "out of core, " + std::to_string(scene.size()) + " through " + std::to_string(limit) + " bytes");
   const double copy = copy_seconds(scene);
   say(s, "the driver copies them in " + number(copy, "%.3f") + " s");
-  detect::Input input;
-  input.spheres = view(scene.data(), scene.size());
+  const detect::Input input = input_of(scene);
   detect::BoxOptions o;
   o.devices = {{detect::BackendKind::cuda, 0}};
   o.detector.order = detect::Order::any, o.detector.memory_limit = limit;
@@ -381,8 +354,7 @@ void out_of_core_row(const Settings& s, Table& t, const Scene& scene) {
 void host_row(const Settings& s, Table& t, const Scene& scene) {
   say(s, "the driver copies " + std::to_string(scene.size()) + " spheres in " +
              number(1e3 * copy_seconds(scene), "%.1f") + " ms");
-  detect::Input input;
-  input.spheres = view(scene.data(), scene.size());
+  const detect::Input input = input_of(scene);
   detect::CallOptions o;
   o.order = detect::Order::any, o.output = detect::Memory::device;
   detect::Detector detector(detect::DeviceChoice{detect::BackendKind::cuda}, o);
@@ -428,7 +400,7 @@ void front_rows(const Settings& s, Table& t, const Scene& full, int devices, boo
       make_front(full, moves ? 0.5 + 0.5 / kSteps * std::max(step, 0) : 0.25, 0.5, scene);
       step > -3 ? parts.share_by_box(scene, several) : parts.share(scene, several);
       put_on_gpus(parts.views(), divided);
-      const Spheres all[1] = {view(parts.all().data(), parts.all().size())};
+      const Spheres all[1] = {input_of(parts.all()).spheres};
       put_on_gpus(all, whole);
     }
     const double first = seconds_of([&] { one.detect(whole.parts()); });
@@ -490,8 +462,7 @@ void cpu_rows(const Settings& s, Table& t) {
   if (sizes.empty()) sizes = {250000, 500000, 1000000, 2000000};
   for (const std::uint64_t n : sizes) {
     const Scene scene = detect::generate("dense", n, false);
-    detect::Input input;
-    input.spheres = view(scene.data(), scene.size());
+    const detect::Input input = input_of(scene);
     detect::BoxOptions o;
     o.detector.threads = s.threads;
     o.devices = {{detect::BackendKind::omp, 0}};
@@ -513,12 +484,12 @@ void cpu_rows(const Settings& s, Table& t) {
 
 // The straight line of each backend and number of devices, and its scaling against one device.
 Json lines_of(const Json& rows) {
-  std::map<std::pair<std::string, std::uint64_t>, std::vector<std::pair<double, double>>> points;
+  std::map<std::pair<std::string, std::uint64_t>, Points> points;
   for (const Json& r : rows)
     if (r["scene"] == "dense") points[{r["backend"], r["devices"]}].push_back({r["contacts"], r["seconds"]});
   Json lines = Json::array();
   for (const auto& [key, of] : points) {
-    const Line line = line_through(of);
+    const FittedLine line = fitted_line(of);
     lines.push_back({{"backend", key.first},
                      {"devices", key.second},
                      {"seconds_at_0", line.offset},

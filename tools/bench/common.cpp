@@ -53,11 +53,15 @@ std::vector<detect::BackendKind> backends(const Settings& s) {
   return found;
 }
 
+detect::Spheres view_of(const detect::FloatSphere* spheres, std::uint64_t count) {
+  detect::Spheres s = detect::spheres_of<float>(count, &spheres->x, &spheres->r);
+  s.center_stride = s.radius_stride = 4;
+  return s;
+}
+
 detect::Input input_of(const std::vector<detect::FloatSphere>& spheres) {
   detect::Input input;
-  if (spheres.empty()) return input;
-  input.spheres = detect::spheres_of<float>(spheres.size(), &spheres[0].x, &spheres[0].r);
-  input.spheres.center_stride = input.spheres.radius_stride = 4;
+  if (!spheres.empty()) input.spheres = view_of(spheres.data(), spheres.size());
   return input;
 }
 
@@ -112,6 +116,18 @@ std::uint64_t hash_of(const std::vector<detect::Pair>& pairs) {
   std::uint64_t sum = 0;
   for (const detect::Pair& p : pairs) sum += detect::pair_hash(p.i, p.j);
   return sum;
+}
+
+FittedLine fitted_line(const Points& points) {
+  const double n = static_cast<double>(points.size());
+  double x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+  for (const auto& [a, b] : points) x += a / n, y += b / n;
+  for (const auto& [a, b] : points) xx += (a - x) * (a - x), xy += (a - x) * (b - y), yy += (b - y) * (b - y);
+  FittedLine line;
+  if (xx > 0) line.slope = xy / xx;
+  line.offset = y - line.slope * x;
+  if (yy > 0 && xx > 0) line.r2 = xy * xy / (xx * yy);
+  return line;
 }
 
 std::string machine() {

@@ -2,7 +2,7 @@
 // Spheres in the memory of a GPU, so that benches measure what a simulation on the GPU would see. A build
 // without CUDA offers host memory only.
 #pragma once
-#include <algorithm>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,39 +16,64 @@
 
 namespace padder::bench {
 
-class DeviceSpheres {
- public:
-  DeviceSpheres(const std::vector<detect::FloatSphere>& spheres, [[maybe_unused]] bool on_device)
-      : input_(input_of(spheres)) {
 #ifdef PADDER_CUDA
-    if (!on_device || spheres.empty()) return;
-    const std::size_t bytes = spheres.size() * sizeof(detect::FloatSphere);
-    if (cudaMalloc(&memory_, bytes) != cudaSuccess ||
-        cudaMemcpy(memory_, spheres.data(), bytes, cudaMemcpyHostToDevice) != cudaSuccess)
-      throw Error("the spheres do not fit the GPU's memory: choose fewer");
-    input_.spheres.centers = memory_, input_.spheres.radii = static_cast<const float*>(memory_) + 3;
-    input_.spheres.memory = detect::Memory::device;
+inline constexpr bool kWithCuda = true;
+#else
+inline constexpr bool kWithCuda = false;
 #endif
-  }
-  ~DeviceSpheres() {
+
+// An array in the memory of a GPU.
+class DeviceArray {
+ public:
+  DeviceArray() = default;
+  ~DeviceArray() {
 #ifdef PADDER_CUDA
     cudaFree(memory_);
 #endif
   }
-  DeviceSpheres(const DeviceSpheres&) = delete;
-  DeviceSpheres& operator=(const DeviceSpheres&) = delete;
+  DeviceArray(const DeviceArray&) = delete;
+  DeviceArray& operator=(const DeviceArray&) = delete;
+
+  // A copy of an array in host memory. Throws Error if `what` do not fit.
+  const void* copy([[maybe_unused]] const void* from, [[maybe_unused]] std::size_t bytes, const char* what) {
+#ifdef PADDER_CUDA
+    if (cudaMalloc(&memory_, bytes + 1) == cudaSuccess &&
+        cudaMemcpy(memory_, from, bytes, cudaMemcpyHostToDevice) == cudaSuccess)
+      return memory_;
+#endif
+    throw Error(std::string(what) + " do not fit the GPU's memory: choose fewer");
+  }
+  // The poses of bodies.
+  const detect::Pose* copy(std::span<const detect::Body> bodies, const char* what) {
+    std::vector<detect::Pose> poses;
+    for (const detect::Body& b : bodies) poses.push_back(pose_of(b));
+    return static_cast<const detect::Pose*>(copy(poses.data(), poses.size() * sizeof(detect::Pose), what));
+  }
+
+ private:
+  [[maybe_unused]] void* memory_ = nullptr;
+};
+
+class DeviceSpheres {
+ public:
+  DeviceSpheres(const std::vector<detect::FloatSphere>& spheres, bool on_device) : input_(input_of(spheres)) {
+    if (!kWithCuda || !on_device || spheres.empty()) return;
+    detect::Spheres& s = input_.spheres;
+    s.centers = memory_.copy(spheres.data(), spheres.size() * sizeof(detect::FloatSphere), "the spheres");
+    s.radii = static_cast<const float*>(s.centers) + 3, s.memory = detect::Memory::device;
+  }
   const detect::Input& input() const { return input_; }
 
  private:
   detect::Input input_;
-  [[maybe_unused]] void* memory_ = nullptr;
+  DeviceArray memory_;
 };
 
 // Bodies whose poses are in the memory of a GPU. Without a GPU, or when some bodies are static, the poses are
 // in the bodies themselves, and each call says that the first `moving` bodies have moved. Borrows the scene.
 class DeviceBodies {
  public:
-  DeviceBodies(const detect::BodyScene& scene, std::uint32_t moving, [[maybe_unused]] bool on_device)
+  DeviceBodies(const detect::BodyScene& scene, std::uint32_t moving, bool on_device)
       : shape_{{scene.shape.data(), scene.shape.size()}} {
     input_.shapes = shape_, input_.bodies = scene.bodies, input_.revision = 1;
     if (moving < scene.bodies.size()) {
@@ -56,34 +81,16 @@ class DeviceBodies {
       input_.moved = moved_;
       return;
     }
-#ifdef PADDER_CUDA
-    if (!on_device || scene.bodies.empty()) return;
-    std::vector<detect::Pose> poses(scene.bodies.size());
-    for (std::size_t b = 0; b < poses.size(); b++) {
-      std::copy_n(scene.bodies[b].rotation, 9, poses[b].rotation);
-      std::copy_n(scene.bodies[b].position, 3, poses[b].position);
-    }
-    const std::size_t bytes = poses.size() * sizeof(detect::Pose);
-    if (cudaMalloc(&memory_, bytes) != cudaSuccess ||
-        cudaMemcpy(memory_, poses.data(), bytes, cudaMemcpyHostToDevice) != cudaSuccess)
-      throw Error("the bodies do not fit the GPU's memory: choose fewer");
-    input_.poses = static_cast<const detect::Pose*>(memory_), input_.pose_memory = detect::Memory::device;
-#endif
+    if (!kWithCuda || !on_device || scene.bodies.empty()) return;
+    input_.poses = memory_.copy(scene.bodies, "the bodies"), input_.pose_memory = detect::Memory::device;
   }
-  ~DeviceBodies() {
-#ifdef PADDER_CUDA
-    cudaFree(memory_);
-#endif
-  }
-  DeviceBodies(const DeviceBodies&) = delete;
-  DeviceBodies& operator=(const DeviceBodies&) = delete;
   const detect::Input& input() const { return input_; }
 
  private:
   detect::Shape shape_[1];
   std::vector<std::uint32_t> moved_;
   detect::Input input_;
-  [[maybe_unused]] void* memory_ = nullptr;
+  DeviceArray memory_;
 };
 
 // 0 without CUDA.

@@ -3,6 +3,7 @@
 // contacts are in the memory of the device. Moving: each sphere moves by a fiftieth of its radius between
 // calls, back and forth through some frames; copying a frame to where the detector reads is not timed.
 #include <algorithm>
+#include <cstring>
 #include <ctime>
 
 #include "padding/asset/error.h"
@@ -20,28 +21,21 @@ class Frames {
  public:
   Frames(const std::vector<FloatSphere>& spheres, int frames, bool wide, [[maybe_unused]] bool on_device)
       : wide_(wide), count_(spheres.size()), frames_(frames) {
-    const std::size_t number = wide ? 8 : 4;
-    bytes_ = count_ * 4 * number;
+    bytes_ = count_ * 4 * (wide ? 8 : 4);
     host_.resize(static_cast<std::size_t>(frames) * bytes_);
     for (int f = 0; f < frames; f++)
       for (std::size_t k = 0; k < count_; k++) fill(static_cast<std::size_t>(f), k, spheres[k]);
     here_.assign(host_.begin(), host_.begin() + static_cast<std::ptrdiff_t>(bytes_));
-    void* at = here_.data();
-    auto memory = detect::Memory::host;
+    input_.spheres = view(here_.data());
 #ifdef PADDER_CUDA
     if (on_device) {
       if (cudaMalloc(reinterpret_cast<void**>(&device_), bytes_ * static_cast<std::size_t>(frames + 1)) !=
               cudaSuccess ||
           cudaMemcpy(device_ + bytes_, host_.data(), host_.size(), cudaMemcpyHostToDevice) != cudaSuccess)
         throw Error("the spheres do not fit the GPU's memory: choose fewer");
-      at = device_, memory = detect::Memory::device;
+      input_.spheres = view(device_), input_.spheres.memory = detect::Memory::device;
     }
 #endif
-    input_.spheres =
-        wide ? detect::spheres_of<double>(count_, static_cast<double*>(at), static_cast<double*>(at) + 3)
-             : detect::spheres_of<float>(count_, static_cast<float*>(at), static_cast<float*>(at) + 3);
-    input_.spheres.center_stride = input_.spheres.radius_stride = 4;
-    input_.spheres.memory = memory;
     show(0);
   }
   ~Frames() {
@@ -55,13 +49,7 @@ class Frames {
   // The first frame, in the memory of the host.
   detect::Input host_input() {
     detect::Input input = input_;
-    if (wide_)
-      input.spheres = detect::spheres_of<double>(count_, reinterpret_cast<double*>(host_.data()),
-                                                 reinterpret_cast<double*>(host_.data()) + 3);
-    else
-      input.spheres = detect::spheres_of<float>(count_, reinterpret_cast<float*>(host_.data()),
-                                                reinterpret_cast<float*>(host_.data()) + 3);
-    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    input.spheres = view(host_.data());
     return input;
   }
   // Back and forth.
@@ -80,20 +68,23 @@ class Frames {
   }
 
  private:
+  detect::Spheres view(const std::byte* at) const {
+    const auto* const doubles = reinterpret_cast<const double*>(at);
+    const auto* const floats = reinterpret_cast<const float*>(at);
+    detect::Spheres s = wide_ ? detect::spheres_of<double>(count_, doubles, doubles + 3)
+                              : detect::spheres_of<float>(count_, floats, floats + 3);
+    s.center_stride = s.radius_stride = 4;
+    return s;
+  }
   void fill(std::size_t frame, std::size_t k, const FloatSphere& s) {
     detect::SplitMix64 random(k);
     const double step = 0.02 * static_cast<double>(frame) * s.r;
     double v[4] = {s.x, s.y, s.z, s.r};
     for (int a = 0; a < 3; a++) v[a] += step * random.signed_unit();
-    for (std::size_t a = 0; a < 4; a++) {
-      const auto f = static_cast<float>(v[a]);
-      const double d = v[a];
-      std::byte* const to = host_.data() + frame * bytes_ + (4 * k + a) * (wide_ ? 8 : 4);
-      if (wide_)
-        std::copy_n(reinterpret_cast<const std::byte*>(&d), 8, to);
-      else
-        std::copy_n(reinterpret_cast<const std::byte*>(&f), 4, to);
-    }
+    const float f[4] = {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2]),
+                        static_cast<float>(v[3])};
+    const std::size_t bytes = wide_ ? sizeof v : sizeof f;
+    std::memcpy(host_.data() + frame * bytes_ + k * bytes, wide_ ? static_cast<const void*>(v) : f, bytes);
   }
 
   bool wide_;

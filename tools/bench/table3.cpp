@@ -50,15 +50,6 @@ void run_until_steady(settle::Stepper& stepper, const Settings& s, double least_
   }
 }
 
-// The share of the spread of y that a straight line over x explains.
-double r_squared(const std::vector<std::pair<double, double>>& points) {
-  const double n = static_cast<double>(points.size());
-  double x = 0, y = 0, xx = 0, xy = 0, yy = 0;
-  for (const auto& [a, b] : points) x += a / n, y += b / n;
-  for (const auto& [a, b] : points) xx += (a - x) * (a - x), xy += (a - x) * (b - y), yy += (b - y) * (b - y);
-  return xx > 0 && yy > 0 ? xy * xy / (xx * yy) : 1;
-}
-
 std::vector<detect::FloatSphere> grains_of(const settle::System& s) {
   std::vector<detect::FloatSphere> spheres;
   for (std::size_t k = 0; k < s.movers(); k++) {
@@ -233,7 +224,7 @@ Json table3(const Settings& s) {
     throw Error("table3 has the scenes silo and clumps, and not " + s.scene);
   Json result;
   for (const detect::BackendKind backend : backends(s)) {
-    std::map<std::string, std::vector<std::pair<double, double>>> points;
+    std::map<std::string, Points> points;
     for (const std::uint64_t n : sizes_for(s, backend)) {
       const Json r = measure(s, n, backend);
       for (const char* key :
@@ -241,7 +232,7 @@ Json table3(const Settings& s) {
         points[key].emplace_back(r["contacts"].get<double>(), r[key].get<double>());
       table.push_back(cells_of(r)), rows.push_back(r);
       for (const auto& [key, of_key] : points)
-        squares[backend == detect::BackendKind::omp ? "omp" : "cuda"][key] = r_squared(of_key);
+        squares[backend == detect::BackendKind::omp ? "omp" : "cuda"][key] = fitted_line(of_key).r2;
       result = {{"bench", "table3"},    {"machine", machine()}, {"gpu", device_name()},
                 {"r_squared", squares}, {"rows", rows},         {"table", table}};
       write_result(s, result);  // after each row: the next one takes longer

@@ -21,16 +21,22 @@ FloatSphere at(double x, double y, double z, double r = 1) {
 }
 double count_of(std::uint64_t n) { return static_cast<double>(n); }
 
-// Uniform in a box with this volume for each sphere.
-Spheres uniform(std::uint64_t n, double volume, double flat, SplitMix64& random, double (*radius)(double)) {
-  const double edge = std::cbrt(count_of(n) * volume / flat);
+// The spheres that sphere(0) to sphere(n - 1) give, in this order.
+template <class OneSphere>
+Spheres all_of(std::uint64_t n, const OneSphere& sphere) {
   Spheres s;
   s.reserve(n);
-  for (std::uint64_t k = 0; k < n; k++) {
-    const double x = random.unit() * edge, y = random.unit() * edge, z = random.unit() * edge * flat;
-    s.push_back(at(x, y, z, radius ? radius(random.unit()) : 1));
-  }
+  for (std::uint64_t k = 0; k < n; k++) s.push_back(sphere(k));
   return s;
+}
+
+// Of radius 1, uniform in a cube with this volume for each sphere.
+Spheres uniform(std::uint64_t n, double volume, SplitMix64& random) {
+  const double edge = std::cbrt(count_of(n) * volume);
+  return all_of(n, [&](std::uint64_t) {
+    const double x = random.unit() * edge, y = random.unit() * edge, z = random.unit() * edge;
+    return at(x, y, z);
+  });
 }
 
 Spheres dense(std::uint64_t n, SplitMix64&) { return detect::generate("dense", n, false); }
@@ -50,7 +56,6 @@ Spheres escaped(std::uint64_t n, SplitMix64& random) {
   throw_some(s, 1000, 100, random);
   return s;
 }
-Spheres escaped_bed(std::uint64_t n, SplitMix64& random);
 Spheres one_far(std::uint64_t n, SplitMix64& random) {
   Spheres s = dense(n, random);
   s[0] = at(1e6, -2e6, 3e6);
@@ -71,36 +76,34 @@ Spheres escaped_poly100(std::uint64_t n, SplitMix64& random) {
 // Half in a Gaussian clump, half spread 12 times as far.
 Spheres clump(std::uint64_t n, SplitMix64& random) {
   const double sigma = std::cbrt(0.0525 * count_of(n));
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     const double d = k % 2 ? sigma : 12 * sigma;
     const double x = d * normal(random), y = d * normal(random), z = d * normal(random);
-    s.push_back(at(x, y, z));
-  }
-  return s;
+    return at(x, y, z);
+  });
 }
 // Dense below, exponentially thinner above.
 Spheres atmosphere(std::uint64_t n, SplitMix64& random) {
   const double edge = std::cbrt(20 * count_of(n));
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t) {
     const double x = random.unit() * edge, y = random.unit() * edge,
                  z = -0.3 * edge * std::log(1 - random.unit());
-    s.push_back(at(x, y, z));
-  }
-  return s;
+    return at(x, y, z);
+  });
+}
+// A point of a lattice whose spheres touch.
+FloatSphere lattice_point(std::uint64_t x, std::uint64_t y, std::uint64_t z, SplitMix64& random) {
+  const auto jittered = [&](std::uint64_t v) { return 1.97 * count_of(v) + 0.1 * random.signed_unit(); };
+  const double px = jittered(x), py = jittered(y), pz = jittered(z);
+  return at(px, py, pz);
 }
 // Layers of touching spheres.
 Spheres layers(std::uint64_t n, std::uint64_t deep, SplitMix64& random) {
   const auto side = static_cast<std::uint64_t>(std::ceil(std::sqrt(count_of(n) / count_of(deep))));
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     const std::uint64_t c = k / deep;
-    const auto jittered = [&](std::uint64_t v) { return 1.97 * count_of(v) + 0.1 * random.signed_unit(); };
-    const double x = jittered(c % side), y = jittered(c / side), z = jittered(k % deep);
-    s.push_back(at(x, y, z));
-  }
-  return s;
+    return lattice_point(c % side, c / side, k % deep, random);
+  });
 }
 Spheres bed(std::uint64_t n, SplitMix64& random) { return layers(n, 16, random); }
 Spheres escaped_bed(std::uint64_t n, SplitMix64& random) {
@@ -111,20 +114,17 @@ Spheres escaped_bed(std::uint64_t n, SplitMix64& random) {
 // Spheres that touch on the surface of a ball.
 Spheres shell(std::uint64_t n, SplitMix64&) {
   const double radius = std::sqrt(count_of(n) * 3.4 / (4 * std::numbers::pi));
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     const double z = 1 - (2 * count_of(k) + 1) / count_of(n), around = std::sqrt(1 - z * z),
                  angle = count_of(k) * std::numbers::pi * (3 - std::sqrt(5.0));
-    s.push_back(at(radius * around * std::cos(angle), radius * around * std::sin(angle), radius * z));
-  }
-  return s;
+    return at(radius * around * std::cos(angle), radius * around * std::sin(angle), radius * z);
+  });
 }
 // A hundred straight chains from the origin, in all directions.
 Spheres lines(std::uint64_t n, SplitMix64& random) {
-  Spheres s;
   double d[3] = {1, 0, 0};
   const std::uint64_t each = std::max<std::uint64_t>(n / 100, 1);
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     if (k % each == 0) {
       for (double& v : d) v = normal(random);
       if (k / each < 4)
@@ -133,15 +133,13 @@ Spheres lines(std::uint64_t n, SplitMix64& random) {
       for (double& v : d) v /= length;
     }
     const double t = 1.95 * count_of(k % each + 20);
-    s.push_back(at(d[0] * t, d[1] * t, d[2] * t));
-  }
-  return s;
+    return at(d[0] * t, d[1] * t, d[2] * t);
+  });
 }
 // A fractal heap: each group of eight lies about a point of a group of the next size, three times as wide.
 Spheres fractal(std::uint64_t n, SplitMix64& random) {
-  Spheres s;
   double centre[24][3] = {};
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     double x[3] = {}, width = 1.2;
     int depth = 0;
     for (std::uint64_t q = n; q > 0; q /= 8) depth++;
@@ -150,9 +148,8 @@ Spheres fractal(std::uint64_t n, SplitMix64& random) {
         for (double& c : centre[g]) c = width * normal(random);
       for (int a = 0; a < 3; a++) x[a] += centre[g][a];
     }
-    s.push_back(at(x[0], x[1], x[2]));
-  }
-  return s;
+    return at(x[0], x[1], x[2]);
+  });
 }
 // Two dense heaps, far from each other.
 Spheres two_heaps(std::uint64_t n, SplitMix64& random) {
@@ -163,20 +160,17 @@ Spheres two_heaps(std::uint64_t n, SplitMix64& random) {
 
 // A chain wound round a cone, so that no two turns touch.
 Spheres spiral(std::uint64_t n, SplitMix64&) {
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     const double turns = std::sqrt(1.95 * count_of(k) / (3 * std::numbers::pi)),
                  angle = 2 * std::numbers::pi * turns;
-    s.push_back(at(3 * turns * std::cos(angle), 3 * turns * std::sin(angle), 2 * turns));
-  }
-  return s;
+    return at(3 * turns * std::cos(angle), 3 * turns * std::sin(angle), 2 * turns);
+  });
 }
 // A Menger sponge whose holes are empty, of spheres that touch.
 Spheres menger(std::uint64_t n, SplitMix64& random) {
   std::uint64_t depth = 1, cells = 20;
   while (cells < n) depth++, cells *= 20;
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     std::uint64_t cell = k, place[3] = {}, width = 1;
     for (std::uint64_t g = 0; g < depth; g++, cell /= 20, width *= 3) {
       std::uint64_t number = cell % 20;  // of the twenty of 27 parts that are no hole
@@ -187,11 +181,8 @@ Spheres menger(std::uint64_t n, SplitMix64& random) {
         break;
       }
     }
-    const auto jittered = [&](std::uint64_t v) { return 1.97 * count_of(v) + 0.1 * random.signed_unit(); };
-    const double x = jittered(place[0]), y = jittered(place[1]), z = jittered(place[2]);
-    s.push_back(at(x, y, z));
-  }
-  return s;
+    return lattice_point(place[0], place[1], place[2], random);
+  });
 }
 // One layer of spheres that touch, in a plane along no axis.
 Spheres sheet(std::uint64_t n, SplitMix64& random) {
@@ -205,25 +196,21 @@ Spheres sheet(std::uint64_t n, SplitMix64& random) {
 }
 // A chain whose next step goes anywhere.
 Spheres walk(std::uint64_t n, SplitMix64& random) {
-  Spheres s;
   double x[3] = {};
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t) {
     double step[3];
     for (double& v : step) v = normal(random);
     const double length = std::hypot(step[0], step[1], step[2]);
     for (int a = 0; a < 3; a++) x[a] += 1.95 * step[a] / length;
-    s.push_back(at(x[0], x[1], x[2]));
-  }
-  return s;
+    return at(x[0], x[1], x[2]);
+  });
 }
 // One straight chain along the diagonal.
 Spheres column(std::uint64_t n, SplitMix64&) {
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     const double t = 1.1 * count_of(k);
-    s.push_back(at(t, t, t));
-  }
-  return s;
+    return at(t, t, t);
+  });
 }
 // Two dense heaps of radius 1 and of radius 37, far from each other.
 Spheres two_sizes(std::uint64_t n, SplitMix64& random) {
@@ -233,29 +220,28 @@ Spheres two_sizes(std::uint64_t n, SplitMix64& random) {
 }
 // Radii by a power law without an upper end.
 Spheres power_law(std::uint64_t n, SplitMix64& random) {
-  Spheres s = uniform(n, 60, 1, random, nullptr);
+  Spheres s = uniform(n, 60, random);
   for (FloatSphere& f : s) f.r = static_cast<float>(std::pow(1 - random.unit(), -1 / 3.2));
   return s;
 }
 
 Spheres lognormal(std::uint64_t n, SplitMix64& random) {
-  Spheres s = uniform(n, 77, 1, random, nullptr);
+  Spheres s = uniform(n, 77, random);
   for (FloatSphere& f : s) f.r = static_cast<float>(std::exp(0.5 * normal(random)));
   return s;
 }
 Spheres one_in_2000(std::uint64_t n, SplitMix64& random) {
-  Spheres s = uniform(n, 46, 1, random, nullptr);
+  Spheres s = uniform(n, 46, random);
   for (std::size_t k = 0; k < s.size(); k += 2000) s[k].r = 30;
   return s;
 }
-Spheres ten_of(std::uint64_t n, float r, SplitMix64& random) {
-  Spheres s = uniform(n, 11.5, 1, random, nullptr);
-  for (std::size_t k = 0; k < std::min<std::size_t>(10, s.size()); k++) s[k * (s.size() / 10)].r = r;
+Spheres ten_giants(std::uint64_t n, SplitMix64& random) {
+  Spheres s = uniform(n, 11.5, random);
+  for (std::size_t k = 0; k < std::min<std::size_t>(10, s.size()); k++) s[k * (s.size() / 10)].r = 40;
   return s;
 }
-Spheres ten_giants(std::uint64_t n, SplitMix64& random) { return ten_of(n, 40, random); }
 Spheres ten_huge(std::uint64_t n, SplitMix64& random) {
-  Spheres s = uniform(n, 11.5, 1, random, nullptr);
+  Spheres s = uniform(n, 11.5, random);
   for (std::size_t k = 0; k < std::min<std::size_t>(10, s.size()); k++)
     s[k] = at(-990 + 4 * count_of(k), 100 * count_of(k), 50, 1000);
   return s;
@@ -328,12 +314,10 @@ Spheres cauchy(std::uint64_t n, SplitMix64& random) {
 template <class OneSphere>
 Spheres over_square(std::uint64_t n, double area, SplitMix64& random, const OneSphere& sphere) {
   const double edge = std::sqrt(count_of(n) * area);
-  Spheres s;
-  for (std::uint64_t k = 0; k < n; k++) {
+  return all_of(n, [&](std::uint64_t k) {
     const double x = edge * random.unit(), y = edge * random.unit();
-    s.push_back(sphere(k, x, y));
-  }
-  return s;
+    return sphere(k, x, y);
+  });
 }
 // Two layers, 100,000 apart.
 Spheres two_layers(std::uint64_t n, SplitMix64& random) {

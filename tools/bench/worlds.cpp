@@ -138,7 +138,7 @@ WorldScene arm(const Settings& s, std::uint32_t worlds) {
 // The scene as the detector takes it: poses, and obstacles, on the device if there is one.
 class WorldInput {
  public:
-  WorldInput(const WorldScene& scene, [[maybe_unused]] bool on_device) {
+  WorldInput(const WorldScene& scene, bool on_device) {
     for (const auto& s : scene.spheres) shapes_.push_back({s.data(), s.size()});
     input_.shapes = shapes_, input_.bodies = scene.bodies, input_.revision = 1;
     if (!scene.obstacles.empty())
@@ -146,37 +146,19 @@ class WorldInput {
                                                   scene.obstacles.data() + 3);
     input_.spheres.center_stride = input_.spheres.radius_stride = 4;
     input_.spheres.world_of_all = detect::kEveryWorld;
-#ifdef PADDER_CUDA
-    if (!on_device) return;
-    std::vector<detect::Pose> poses(scene.bodies.size());
-    for (std::size_t b = 0; b < poses.size(); b++) {
-      std::copy_n(scene.bodies[b].rotation, 9, poses[b].rotation);
-      std::copy_n(scene.bodies[b].position, 3, poses[b].position);
-    }
-    const auto copy = [&](void*& to, const void* from, std::size_t bytes) {
-      if (cudaMalloc(&to, bytes + 1) != cudaSuccess ||
-          cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice) != cudaSuccess)
-        throw Error("the worlds do not fit the GPU's memory: choose fewer");
-    };
-    copy(poses_, poses.data(), poses.size() * sizeof(detect::Pose));
-    copy(obstacles_, scene.obstacles.data(), scene.obstacles.size() * sizeof(double));
-    input_.poses = static_cast<const detect::Pose*>(poses_), input_.pose_memory = detect::Memory::device;
-    input_.spheres.centers = obstacles_, input_.spheres.radii = static_cast<const double*>(obstacles_) + 3;
-    input_.spheres.memory = detect::Memory::device;
-#endif
+    if (!kWithCuda || !on_device) return;
+    input_.poses = poses_.copy(scene.bodies, "the worlds"), input_.pose_memory = detect::Memory::device;
+    detect::Spheres& s = input_.spheres;
+    s.centers =
+        obstacles_.copy(scene.obstacles.data(), scene.obstacles.size() * sizeof(double), "the worlds");
+    s.radii = static_cast<const double*>(s.centers) + 3, s.memory = detect::Memory::device;
   }
-  ~WorldInput() {
-#ifdef PADDER_CUDA
-    cudaFree(poses_), cudaFree(obstacles_);
-#endif
-  }
-  WorldInput(const WorldInput&) = delete;
   const detect::Input& input() const { return input_; }
 
  private:
   std::vector<detect::Shape> shapes_;
   detect::Input input_;
-  [[maybe_unused]] void *poses_ = nullptr, *obstacles_ = nullptr;
+  DeviceArray poses_, obstacles_;
 };
 
 class Table {
