@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "padding/asset/excerpt.h"
 
+#include <cstdio>
+
 namespace padder {
 namespace {
 
@@ -41,6 +43,12 @@ std::string excerpt(std::string_view text, std::size_t most) {
     text.remove_prefix(size > 0 ? size : 1);
   }
   return out;
+}
+
+std::string short_number(double value, int digits) {
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*g", digits, value);
+  return text;
 }
 
 }  // namespace padder

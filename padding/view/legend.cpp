@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 
+#include "padding/asset/excerpt.h"
 #include "padding/view/canvas.h"
 
 namespace padder {
@@ -19,11 +19,7 @@ float font_size(const PictureOptions& o) {
   return std::clamp(float(std::min(o.height, o.width * 2 / 3)) / 44, 11.f, 40.f);
 }
 
-std::string number(double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
+std::string number(double value) { return short_number(value, 3); }
 
 std::string with_unit(const View& view, double value) {
   return number(value) + (view.unit.empty() ? "" : " " + view.unit);

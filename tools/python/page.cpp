@@ -2,10 +2,10 @@
 // A cluster to look at: Cluster.page, and what a notebook shows of it.
 #include <pybind11/stl.h>
 
-#include <cstdio>
 #include <filesystem>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "tools/python/module.h"
 #ifdef PADDER_VIEW
 #include "padding/view/page.h"
@@ -28,12 +28,10 @@ std::string table_of(const Cluster& c) {
     return "<tr><th style='text-align:left'>" + name + "</th><td style='text-align:left'>" + value +
            "</td></tr>";
   };
+  const double diagonal = c.bounds.empty() ? 0 : c.bounds.diagonal();
   const auto length = [&](double value) {
-    char number[40], share[40] = "";
-    std::snprintf(number, sizeof number, "%.4g ", value);
-    if (const double diagonal = c.bounds.empty() ? 0 : c.bounds.diagonal(); diagonal > 0)
-      std::snprintf(share, sizeof share, " (%.3g %%)", 100 * value / diagonal);
-    return number + escaped(c.unit) + share;
+    return short_number(value, 4) + " " + escaped(c.unit) +
+           (diagonal > 0 ? " (" + short_number(100 * value / diagonal, 3) + " %)" : "");
   };
   std::string out = "<table>" + row("cluster", escaped(c.name)) + row("spheres", std::to_string(c.size()));
   if (c.accuracy.proved_against != SurfaceKind::none)

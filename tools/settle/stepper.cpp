@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 
 namespace padder::settle {
 namespace {
@@ -15,11 +16,7 @@ detect::DeviceChoice host() { return {detect::BackendKind::omp, 0}; }
 
 bool finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
-std::string number(double v) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", v);
-  return text;
-}
+std::string number(double v) { return short_number(v, 4); }
 
 // Below so many spheres a step on a GPU is mostly the start of its kernels, and two cores are as fast.
 constexpr std::uint64_t kGpuPays = 10000;

@@ -13,12 +13,12 @@
 #include <chrono>
 #include <cmath>
 #include <csignal>
-#include <cstdio>
 #include <cstring>
 #include <exception>
 #include <new>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 
 namespace padder {
 namespace {
@@ -28,12 +28,6 @@ using Clock = std::chrono::steady_clock;
 double seconds_of(const timeval& t) { return double(t.tv_sec) + 1e-6 * double(t.tv_usec); }
 
 double since(Clock::time_point began) { return std::chrono::duration<double>(Clock::now() - began).count(); }
-
-std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
-}
 
 bool write_all(int file, std::string_view bytes) {
   while (!bytes.empty()) {
@@ -97,9 +91,10 @@ std::uint64_t machine_memory() {
 }
 
 std::string end_sentence(int status, bool late, const WorkerLimits& limits) {
-  const std::string memory = "it needs more memory than " + number(double(limits.memory) / (1 << 20)) +
+  const std::string memory = "it needs more memory than " +
+                             short_number(double(limits.memory) / (1 << 20), 6) +
                              " MiB: give it more with --memory, or take fewer --workers";
-  if (late) return "no result after " + number(limits.seconds) + " s: give it more with --seconds";
+  if (late) return "no result after " + short_number(limits.seconds, 6) + " s: give it more with --seconds";
   if (WIFEXITED(status))
     return WEXITSTATUS(status) == kExitedForMemory ? memory : "its worker ended without a result";
   const int signal = WTERMSIG(status);
