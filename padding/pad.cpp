@@ -4,12 +4,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <numeric>
 #include <utility>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/by_depth/refit.h"
 #include "padding/by_tolerance/lower_bound.h"
 #include "padding/by_tolerance/thin_balls.h"
@@ -179,11 +179,10 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
 std::string slots_text(const Job& job) {
   const std::vector<ClosedSlot>& slots = job.report.slots;
   const ClosedSlot& widest = slots.front();
-  char text[200];
-  std::snprintf(text, sizeof text,
-                " wider than twice the tolerance, the widest %.3g at (%.4g, %.4g, %.4g): ", widest.width,
-                widest.place.x(), widest.place.y(), widest.place.z());
-  return "the wrap closes " + count_of(slots.size(), "slot") + text +
+  const auto coordinate = [&](int k) { return short_number(widest.place[k], 4); };
+  return "the wrap closes " + count_of(slots.size(), "slot") +
+         " wider than twice the tolerance, the widest " + short_number(widest.width, 3) + " at (" +
+         coordinate(0) + ", " + coordinate(1) + ", " + coordinate(2) + "): " +
          (job.options.min_grain_radius.given() ? "a smaller --reach opens them"
                                                : "--repair auto, or a larger tolerance, may help");
 }
@@ -221,13 +220,11 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
       why = "so far from the origin doubles are too coarse to write the spheres down: move the mesh";
     if (why.empty() && a.proved_against == SurfaceKind::none)
       why = "spheres reach around the border of the sheet";
-    char text[120];
-    if (asked.protrusion == asked.gap)
-      std::snprintf(text, sizeof text, "the tolerance of %.4g is not kept", asked.gap * job.frame.scale());
-    else
-      std::snprintf(text, sizeof text, "the protrusion of %.4g or the gap of %.4g is not kept",
-                    asked.protrusion * job.frame.scale(), asked.gap * job.frame.scale());
-    reason += (reason.empty() ? "" : "; ") + std::string(text) + (why.empty() ? "" : ", because " + why);
+    const auto length = [&](double share) { return short_number(share * job.frame.scale(), 4); };
+    const std::string what = asked.protrusion == asked.gap ? "the tolerance of " + length(asked.gap)
+                                                           : "the protrusion of " + length(asked.protrusion) +
+                                                                 " or the gap of " + length(asked.gap);
+    reason += (reason.empty() ? "" : "; ") + what + " is not kept" + (why.empty() ? "" : ", because " + why);
   }
   report.within = report.within && within_tolerance;
   if (report.reason.empty()) report.reason = reason;
@@ -323,11 +320,7 @@ RepairOptions repairing(const PadOptions& options, double length, double toleran
 
 Mark mark_of(MarkKind kind, const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   Mark mark{kind, {}};
-  for (const std::uint32_t t : triangles) {
-    const auto first = static_cast<std::uint32_t>(mark.mesh.points.size());
-    for (int k = 0; k < 3; k++) mark.mesh.points.push_back(mesh.corner(t, k));
-    mark.mesh.triangles.push_back({first, first + 1, first + 2});
-  }
+  for (const std::uint32_t t : triangles) mark.mesh.add(mesh.corners(t));
   return mark;
 }
 

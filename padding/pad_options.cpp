@@ -3,40 +3,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 
 namespace padder {
 namespace {
 
-const char* name_of(RepairMode mode) {
-  switch (mode) {
-    case RepairMode::never:
-      return "never";
-    case RepairMode::wrap:
-      return "wrap";
-    case RepairMode::united:
-      return "union";
-    case RepairMode::fill:
-      return "fill";
-    case RepairMode::sheet:
-      return "sheet";
-    default:
-      return "auto";
-  }
-}
-
-const char* name_of(Balance balance) {
-  switch (balance) {
-    case Balance::volume:
-      return "volume";
-    case Balance::mean:
-      return "mean";
-    default:
-      return "none";
-  }
+// The name of a value in kRepairModes or kBalances.
+template <class Names, class Value>
+const char* name_in(const Names& names, Value value) {
+  return std::ranges::find(names, value, [](const auto& named) { return named.second; })->first;
 }
 
 }  // namespace
@@ -58,13 +36,13 @@ std::string settings_json(const PadOptions& options, double diagonal, double edg
   length("min_radius", options.min_radius);
   length("max_radius", options.max_radius);
   if (options.by_tolerance()) {
-    j["balance"] = name_of(options.balance);
+    j["balance"] = name_in(kBalances, options.balance);
     j["effort"] = options.effort;
   }
   if (options.smooth > 0) j["smooth"] = options.smooth;
   for (const Length& l : options.lod) j["lod"].push_back(l.absolute(diagonal));
   length("reach", options.min_grain_radius);  // its name on the command line
-  j["repair"] = name_of(options.repair);
+  j["repair"] = name_in(kRepairModes, options.repair);
   length("thickness", options.thickness);
   if (options.force) j["force"] = true;
   return j.dump();
@@ -135,26 +113,23 @@ void check_meant(const PadOptions& options, const Box& box, const std::string& n
   if (options.force) return;
   const double diagonal = box.diagonal(), thinnest = (box.high - box.low).minCoeff();
   const auto refuse = [&](const char* what, const Length& l, const std::string& why) {
-    char amount[80];
-    std::snprintf(amount, sizeof amount, "%.6g (%.4g %% of the diagonal)", l.absolute(diagonal),
-                  100 * l.absolute(diagonal) / diagonal);
+    const double length = l.absolute(diagonal);
     throw Error(
-        name + ": " + what + " of " + amount + " " + why +
+        name + ": " + what + " of " + short_number(length, 6) + " (" +
+        short_number(100 * length / diagonal, 4) + " % of the diagonal) " + why +
         ": write a share of the diagonal as 5%, a length in the mesh's own unit without a sign; --force "
         "accepts it as it is");
   };
   if (options.min_radius.given() && options.max_radius.given() &&
       options.min_radius.absolute(diagonal) > options.max_radius.absolute(diagonal))
     refuse("a smallest radius", options.min_radius, "is above the largest one");
-  char extent[40];
-  std::snprintf(extent, sizeof extent, "%.4g", thinnest);
   const double widest = std::max(0.5 * thinnest, 0.1 * diagonal);
   std::vector<Length> tolerances = options.lod;
   tolerances.push_back(options.protrusion_used());
   tolerances.push_back(options.gap_used());
   for (const Length& l : tolerances)
     if (l.absolute(diagonal) > widest)
-      refuse("a tolerance", l, std::string("is beyond half the part's thinnest extent of ") + extent);
+      refuse("a tolerance", l, "is beyond half the part's thinnest extent of " + short_number(thinnest, 4));
   const double half = 0.5 * diagonal;
   if (options.edge_length.absolute(diagonal) > half)
     refuse("an edge length", options.edge_length, "is beyond half the diagonal");

@@ -178,17 +178,15 @@ void append_lines(std::string& text, const Json& object, int indent) {
 
 }  // namespace
 
+void Accuracy::scale(double factor) {
+  for (double* length : {&protrusion_max, &protrusion_mean, &protrusion_p95, &gap_max, &gap_mean, &gap_p95,
+                         &protrusion_bound, &gap_bound, &wrap_distance})
+    *length *= factor;
+}
+
 const char* name_of(SurfaceKind kind) {
-  switch (kind) {
-    case SurfaceKind::input:
-      return "input";
-    case SurfaceKind::filled:
-      return "filled";
-    case SurfaceKind::wrap:
-      return "wrap";
-    default:
-      return "";
-  }
+  constexpr const char* names[] = {"", "input", "filled", "wrap"};
+  return names[static_cast<std::size_t>(kind)];
 }
 
 std::string to_json(const Cluster& c) {

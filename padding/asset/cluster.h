@@ -37,6 +37,8 @@ struct Accuracy {
   // gap_max and gap_bound are proved, protrusion_max is sampled and protrusion_bound is an estimate.
   SurfaceKind proved_against = SurfaceKind::none;
   bool certified = false;  // both bounds are proved, and within what was asked for
+
+  void scale(double factor);  // its lengths
 };
 
 // Where a cluster came from.

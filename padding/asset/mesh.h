@@ -19,6 +19,9 @@ struct Box {
   Point high = Point::Constant(-std::numeric_limits<double>::infinity());
 
   void add(const Point& p) { low = low.cwiseMin(p), high = high.cwiseMax(p); }
+  void add_ball(const Point& center, double radius) {
+    add(center - Vector::Constant(radius)), add(center + Vector::Constant(radius));
+  }
   bool empty() const { return !(low.x() <= high.x()); }
   double diagonal() const { return empty() ? 0 : (high - low).norm(); }
   Point center() const { return 0.5 * (low + high); }
@@ -51,8 +54,16 @@ struct Mesh {
   double area() const;  // sum over the triangles
 
   const Point& corner(std::size_t triangle, int k) const { return points[triangles[triangle][k]]; }
+  std::array<Point, 3> corners(std::size_t t) const { return {corner(t, 0), corner(t, 1), corner(t, 2)}; }
+  Point middle(std::size_t t) const { return (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3; }
   Vector area_normal(std::size_t t) const {  // along the outward normal, as long as the triangle's area
     return 0.5 * (corner(t, 1) - corner(t, 0)).cross(corner(t, 2) - corner(t, 0));
+  }
+  // A triangle with points of its own.
+  void add(const std::array<Point, 3>& corners) {
+    const auto first = static_cast<std::uint32_t>(points.size());
+    points.insert(points.end(), corners.begin(), corners.end());
+    triangles.push_back({first, first + 1, first + 2});
   }
 };
 

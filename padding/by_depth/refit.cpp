@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_map>
 
+#include "padding/geometry/indices.h"
 #include "padding/geometry/medial.h"
+#include "padding/geometry/point_tree.h"
 #include "padding/geometry/triangle.h"
 #include "padding/verify/certify.h"
 
@@ -33,36 +34,6 @@ void refit_one(const Surface& body, const Mesh& remeshed, FittedBall& fitted) {
     ball = ball_under(body, touch.point, body.signed_nearest(touch.point).normal, below, cap);
   fitted.ball = ball;
 }
-
-// A set of points no two of which are closer than `spacing`.
-class SparsePoints {
- public:
-  explicit SparsePoints(double spacing) : spacing_(spacing) {}
-
-  bool insert_unless_near(const Point& p) {
-    const Eigen::Vector3i cell = (p / spacing_).array().floor().cast<int>();
-    Eigen::Vector3i step;
-    for (step.x() = -1; step.x() <= 1; step.x()++)
-      for (step.y() = -1; step.y() <= 1; step.y()++)
-        for (step.z() = -1; step.z() <= 1; step.z()++) {
-          const auto [begin, end] = points_.equal_range(key(cell + step));
-          for (auto it = begin; it != end; ++it)
-            if ((it->second - p).squaredNorm() < spacing_ * spacing_) return false;
-        }
-    points_.emplace(key(cell), p);
-    return true;
-  }
-
- private:
-  static std::uint64_t key(const Eigen::Vector3i& c) {
-    constexpr std::uint64_t mask = (1 << 21) - 1;
-    return (std::uint64_t(c.x()) & mask) << 42 | (std::uint64_t(c.y()) & mask) << 21 |
-           (std::uint64_t(c.z()) & mask);
-  }
-
-  double spacing_;
-  std::unordered_multimap<std::uint64_t, Point> points_;
-};
 
 // The radius of the disc that the middle one of the balls covers, the smaller of two counting as the middle.
 double middle_reach(const std::vector<FittedBall>& balls, double gap) {
@@ -104,20 +75,19 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
     if (open.empty()) break;
     std::stable_sort(open.begin(), open.end(),
                      [](const GapPart& a, const GapPart& b) { return a.value > b.value; });
-    // Of neighbouring parts only the worst gets a ball in this round: it may cover the others, too.
-    std::vector<GapPart> chosen;
     // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a
     // coarse mesh, points that stand apart by the gap alone would be millions: the first rounds take few of
     // them, until the distance is that which the balls of the round before cover.
     const double spacing = open.size() > kManyOpen ? wide : gap;
-    SparsePoints taken(spacing);
-    for (const GapPart& part : open)
-      if (taken.insert_unless_near(part.centroid())) chosen.push_back(part);
+    std::vector<Point> places;
+    for (const GapPart& part : open) places.push_back(part.centroid());
+    // Of neighbouring parts only the worst gets a ball in this round: it may cover the others, too.
+    const std::vector<std::uint32_t> chosen = sparse(places, numbered(open.size()), spacing);
     std::vector<FittedBall> found(chosen.size());
 #pragma omp parallel for schedule(dynamic, 16)
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(chosen.size()); k++) {
-      const Point p = chosen[k].centroid();
-      const Vector normal = body.mesh().area_normal(chosen[k].triangle).normalized();
+      const Point& p = places[chosen[k]];
+      const Vector normal = body.mesh().area_normal(open[chosen[k]].triangle).normalized();
       found[k] = {ball_under(body, p, normal, largest, gap), gap, triangles.nearest(p).triangle};
       if (found[k].ball.radius == 0 || !has_centre_inside(body, found[k].ball))
         found[k].ball = {p, gap};  // on a knife's edge

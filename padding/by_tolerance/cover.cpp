@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include "padding/asset/error.h"
 #include "padding/by_tolerance/search/centre.h"
 #include "padding/by_tolerance/search/close_gaps.h"
+#include "padding/geometry/indices.h"
 
 namespace padder {
 namespace {
@@ -139,8 +139,7 @@ class CoverSearch {
     for (std::size_t k = 0; k < found.size(); k++)
       if (found[k].size() < found[fewest].size()) fewest = k;
     std::vector<Candidate> pool = found[fewest];
-    attempt.chosen.resize(pool.size());
-    std::iota(attempt.chosen.begin(), attempt.chosen.end(), 0u);
+    attempt.chosen = numbered(pool.size());
     for (std::size_t k = 0; k < found.size(); k++)
       if (k != fewest) pool.insert(pool.end(), found[k].begin(), found[k].end());
     const std::vector<Candidate> known = best.chosen_candidates();
@@ -167,7 +166,7 @@ class CoverSearch {
     for (int k = 0; k < 4; k++) {
       const auto t = static_cast<std::uint32_t>(random.below(mesh_.triangles.size()));
       if (!(mesh_.area_normal(t).squaredNorm() > 0)) continue;
-      const Point p = (mesh_.corner(t, 0) + mesh_.corner(t, 1) + mesh_.corner(t, 2)) / 3;
+      const Point p = mesh_.middle(t);
       std::vector<Candidate> candidates;
       grower_.propose(p, t, grower_.medial(p, t), candidates);
       if (candidates.empty()) continue;

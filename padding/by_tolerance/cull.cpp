@@ -235,13 +235,6 @@ class CullSearch {
 
 }  // namespace
 
-std::optional<Balance> balance_of(std::string_view name) {
-  if (name == "none") return Balance::none;
-  if (name == "volume") return Balance::volume;
-  if (name == "mean") return Balance::mean;
-  return std::nullopt;
-}
-
 Culled cull(const Surface& surface, const CullOptions& options) { return CullSearch(surface, options).run(); }
 
 double grid_entries(const std::vector<Ball>& balls, double bin) {

@@ -4,7 +4,7 @@
 #pragma once
 #include <cstdint>
 #include <optional>
-#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "padding/by_tolerance/cover.h"
@@ -19,7 +19,9 @@ enum class Balance {
   mean,    // the smallest sum of mean protrusion and mean gap, with at most max_spheres; without max_spheres,
            // with at most half as many again as the fewest
 };
-std::optional<Balance> balance_of(std::string_view name);  // "none", "volume", "mean"
+// By the names that users give them.
+inline constexpr std::pair<const char*, Balance> kBalances[] = {
+    {"none", Balance::none}, {"volume", Balance::volume}, {"mean", Balance::mean}};
 
 // Lengths are in the surface's unit. The search is made for surfaces of about unit size near the origin.
 struct CullOptions {

@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "padding/by_tolerance/search/set_cover.h"
+#include "padding/geometry/indices.h"
 
 namespace padder {
 namespace {
@@ -94,8 +94,7 @@ class Fill {
   // A few of the fills that together hold all hollow cells. The largest come first, and each makes those
   // needless whose cells it holds; of the ones that are left, a greedy choice drops some more.
   static std::vector<std::uint32_t> few(const std::vector<Cell>& hollow, const std::vector<Ball>& fills) {
-    std::vector<std::uint32_t> order(fills.size()), taken, cells;
-    std::iota(order.begin(), order.end(), 0u);
+    std::vector<std::uint32_t> order = numbered(fills.size()), taken, cells;
     std::stable_sort(order.begin(), order.end(),
                      [&](auto a, auto b) { return fills[a].radius > fills[b].radius; });
     std::vector<char> held(hollow.size());

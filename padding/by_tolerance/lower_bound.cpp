@@ -27,19 +27,6 @@ constexpr std::size_t kBatch = 256;                   // boxes that are split to
 constexpr double kSmallestBox = 0.03, kLargestRow = 0.13;
 constexpr double kRowDistance = 0.15;  // of the boxes that become sets, in shares of the tolerance sum
 
-// For each element, the sets that contain it.
-Sets transposed(const Sets& sets, std::size_t elements) {
-  Sets out;
-  out.begin.assign(elements + 1, 0);
-  for (auto r : sets.elements) out.begin[r + 1]++;
-  std::partial_sum(out.begin.begin(), out.begin.end(), out.begin.begin());
-  out.elements.resize(sets.elements.size());
-  std::vector<std::uint64_t> at(out.begin.begin(), out.begin.end() - 1);
-  for (std::uint32_t s = 0; s < sets.size(); s++)
-    for (auto r : sets[s]) out.elements[at[r]++] = s;
-  return out;
-}
-
 // The sum of `values` over each set.
 std::vector<double> sums(const Sets& sets, const std::vector<double>& values) {
   std::vector<double> out(sets.size());

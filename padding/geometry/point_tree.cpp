@@ -2,7 +2,8 @@
 #include "padding/geometry/point_tree.h"
 
 #include <algorithm>
-#include <numeric>
+
+#include "padding/geometry/indices.h"
 
 namespace padder {
 namespace {
@@ -19,8 +20,7 @@ std::uint32_t nodes_of(std::uint32_t points) {
 
 PointTree::PointTree(std::vector<Point> points) : points_(std::move(points)) {
   const auto n = static_cast<std::uint32_t>(points_.size());
-  order_.resize(n);
-  std::iota(order_.begin(), order_.end(), 0u);
+  order_ = numbered(n);
   if (n > kLeafPoints) {
     Box box;
     for (const Point& p : points_) box.add(p);
@@ -36,8 +36,7 @@ PointTree::PointTree(std::vector<Point> points) : points_(std::move(points)) {
 }
 
 std::vector<std::uint32_t> PointTree::renumber() {
-  std::vector<std::uint32_t> before(order_.size());
-  std::iota(before.begin(), before.end(), 0u);
+  std::vector<std::uint32_t> before = numbered(order_.size());
   order_.swap(before);
   for (std::size_t k = 0; k < points_.size(); k++) points_[k] = {sorted_[0][k], sorted_[1][k], sorted_[2][k]};
   return before;
@@ -112,6 +111,21 @@ void PointTree::find(const Point& center, double radius, std::vector<std::uint32
     if (near2[0] <= radius2)
       stack[top++] = {node.begin, node.middle, far2[0] <= radius2 ? inside : entry.node + 1};
   }
+}
+
+std::vector<std::uint32_t> sparse(const std::vector<Point>& points, const std::vector<std::uint32_t>& order,
+                                  double spacing) {
+  const PointTree tree(points);
+  std::vector<char> gone(points.size());
+  std::vector<std::uint32_t> near, taken;
+  for (const auto k : order) {
+    if (gone[k]) continue;
+    taken.push_back(k);
+    near.clear();
+    tree.find(points[k], spacing, near);
+    for (const auto other : near) gone[other] = 1;
+  }
+  return taken;
 }
 
 }  // namespace padder

@@ -38,4 +38,9 @@ class PointTree {
   std::vector<Node> nodes_;
 };
 
+// Takes points in the given order, each unless one taken before lies within `spacing` of it. Returns their
+// indices, in that order.
+std::vector<std::uint32_t> sparse(const std::vector<Point>& points, const std::vector<std::uint32_t>& order,
+                                  double spacing);
+
 }  // namespace padder

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: MIT
 // Random numbers that are the same on every platform. The distributions of <random> do not promise that.
 #pragma once
-#include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdint>
-#include <numeric>
 #include <vector>
+
+#include "padding/asset/mesh.h"
+#include "padding/geometry/indices.h"
 
 namespace padder {
 
@@ -26,9 +29,14 @@ class Random {
   std::uint64_t state_;
 };
 
+// Of the points of a triangle each as likely as any other.
+inline Point random_point(Random& random, const std::array<Point, 3>& corners) {
+  const double r = std::sqrt(random.uniform()), s = random.uniform();
+  return (1 - r) * corners[0] + r * ((1 - s) * corners[1] + s * corners[2]);
+}
+
 inline std::vector<std::uint32_t> random_order(std::size_t n, std::uint64_t seed) {
-  std::vector<std::uint32_t> order(n);
-  std::iota(order.begin(), order.end(), 0u);
+  std::vector<std::uint32_t> order = numbered(n);
   Random random(seed);
   for (std::size_t k = n; k > 1; k--) std::swap(order[k - 1], order[random.below(k)]);
   return order;

@@ -5,14 +5,15 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
+
+#include "padding/geometry/indices.h"
+#include "padding/geometry/triangle.h"
 
 namespace padder {
 namespace {
 
 constexpr std::uint32_t kNone = ~0u;
 constexpr std::uint32_t kFan = 500;  // faces at the tip of a fan; 10,000 take the remesher half a minute
-using Corners = std::array<std::uint32_t, 3>;
 
 class Collapse {
  public:
@@ -122,15 +123,7 @@ class Collapse {
   }
 
   // The corner across the longest edge is (longest + 2) % 3.
-  int longest_edge(std::uint32_t t) const {
-    double most = -1;
-    int longest = 0;
-    for (int k = 0; k < 3; k++) {
-      const double length = (mesh_.corner(t, (k + 1) % 3) - mesh_.corner(t, k)).squaredNorm();
-      if (length > most) most = length, longest = k;
-    }
-    return longest;
-  }
+  int longest_edge(std::uint32_t t) const { return TrianglePart{mesh_.corners(t), t}.longest_edge().second; }
 
   double height(std::uint32_t t) const {
     const int k = longest_edge(t);
@@ -244,7 +237,7 @@ struct Page {
 };
 
 double angle_around(const Mesh& mesh, const Page& page) {
-  const auto from = static_cast<std::uint32_t>(page.edge >> 32), to = static_cast<std::uint32_t>(page.edge);
+  const auto [from, to] = ends_of(page.edge);
   std::uint32_t third = 0;
   for (const auto v : mesh.triangles[page.triangle])
     if (v != from && v != to) third = v;
@@ -272,30 +265,22 @@ Mesh taken_apart(const Mesh& mesh) {
   for (std::uint32_t t = 0; t < mesh.triangles.size(); t++)
     for (int k = 0; k < 3; k++) {
       const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
-      pages.push_back({std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), t, u < v, 0});
+      pages.push_back({edge_of(u, v), t, u < v, 0});
     }
   std::sort(pages.begin(), pages.end(), [](const Page& a, const Page& b) {
     return a.edge != b.edge ? a.edge < b.edge : a.triangle < b.triangle;
   });
   // Corners that stay together have one root.
-  std::vector<std::size_t> parent(3 * mesh.triangles.size());
-  std::iota(parent.begin(), parent.end(), std::size_t(0));
-  const auto root = [&](std::size_t k) {
-    while (parent[k] != k) k = parent[k] = parent[parent[k]];
-    return k;
-  };
+  std::vector<std::uint32_t> parent = numbered(3 * mesh.triangles.size());
   const auto corner = [&](std::uint32_t t, std::uint32_t v) {
-    return 3 * std::size_t(t) + (mesh.triangles[t][0] == v ? 0 : mesh.triangles[t][1] == v ? 1 : 2);
+    return 3 * t + (mesh.triangles[t][0] == v ? 0 : mesh.triangles[t][1] == v ? 1 : 2);
   };
-  const auto join = [&](const Page& a, const Page& b) {
-    for (const auto v : {static_cast<std::uint32_t>(a.edge >> 32), static_cast<std::uint32_t>(a.edge)}) {
-      const auto x = root(corner(a.triangle, v)), y = root(corner(b.triangle, v));
-      parent[std::max(x, y)] = std::min(x, y);
-    }
+  const auto join_pages = [&](const Page& a, const Page& b) {
+    for (const auto v : ends_of(a.edge)) join(parent, corner(a.triangle, v), corner(b.triangle, v));
   };
   for (std::size_t k = 0, end; k < pages.size(); k = end) {
     for (end = k; end < pages.size() && pages[end].edge == pages[k].edge;) end++;
-    if (end - k == 2 && pages[k].forward != pages[k + 1].forward) join(pages[k], pages[k + 1]);
+    if (end - k == 2 && pages[k].forward != pages[k + 1].forward) join_pages(pages[k], pages[k + 1]);
     if (end - k <= 2) continue;
     const auto first = pages.begin() + static_cast<std::ptrdiff_t>(k),
                last = pages.begin() + static_cast<std::ptrdiff_t>(end);
@@ -307,7 +292,7 @@ Mesh taken_apart(const Mesh& mesh) {
     // forward.
     for (std::size_t i = k; i < end; i++) {
       const Page &a = pages[i], &b = pages[i + 1 < end ? i + 1 : k];
-      if (!a.forward && b.forward) join(a, b);
+      if (!a.forward && b.forward) join_pages(a, b);
     }
   }
   Mesh out;
@@ -315,7 +300,7 @@ Mesh taken_apart(const Mesh& mesh) {
   for (std::uint32_t t = 0; t < mesh.triangles.size(); t++) {
     Corners c;
     for (int k = 0; k < 3; k++) {
-      auto& i = index[root(3 * std::size_t(t) + static_cast<std::size_t>(k))];
+      auto& i = index[root_of(parent, 3 * t + static_cast<std::uint32_t>(k))];
       if (i == kNone)
         i = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(mesh.corner(t, k));
       c[k] = i;

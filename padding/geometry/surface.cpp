@@ -90,13 +90,10 @@ inline double closest(const Point& p, const Point& a, const Vector& ab, const Ve
 
 // The boxes of the parts between even steps along the longest edge.
 std::vector<Box> slices(const std::array<Point, 3>& corners, int count) {
-  int from = 0;
-  const auto length2 = [&](int k) { return (corners[(k + 1) % 3] - corners[k]).squaredNorm(); };
-  for (int k = 1; k < 3; k++)
-    if (length2(k) > length2(from)) from = k;
+  const auto [length2, from] = TrianglePart{corners}.longest_edge();
   const Point &low = corners[from], &high = corners[(from + 1) % 3], &apex = corners[(from + 2) % 3];
   const Vector along = high - low;
-  const double at_apex = length2(from) > 0 ? std::clamp(along.dot(apex - low) / length2(from), 0.0, 1.0) : 0;
+  const double at_apex = length2 > 0 ? std::clamp(along.dot(apex - low) / length2, 0.0, 1.0) : 0;
   std::vector<Box> boxes(static_cast<std::size_t>(count));
   // Where the plane across the longest edge cuts that edge and the two others.
   const auto add = [&](Box& box, double at) {

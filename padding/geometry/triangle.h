@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
-// Plane geometry of one triangle.
+// Plane geometry of one triangle, and of its parts.
 #pragma once
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "padding/asset/mesh.h"
 
@@ -39,17 +40,12 @@ struct Triangle3 {
     return (a - b).norm() * (b - c).norm() * (c - a).norm() / (2 * twice_area);
   }
 
-  // Barycentric coordinates of the circumcentre. One is negative when the circumcentre lies beyond the edge
-  // that faces an obtuse angle. NaN for corners on a line.
-  std::array<double, 3> circumcenter_weights() const {
+  // NaN for corners on a line.
+  Point circumcenter() const {
     const double la = (b - c).squaredNorm(), lb = (c - a).squaredNorm(), lc = (a - b).squaredNorm();
     const double wa = la * (lb + lc - la), wb = lb * (lc + la - lb), wc = lc * (la + lb - lc);
     const double sum = wa + wb + wc;  // 16 area^2
-    return {wa / sum, wb / sum, wc / sum};
-  }
-  Point circumcenter() const {
-    const auto w = circumcenter_weights();
-    return w[0] * a + w[1] * b + w[2] * c;
+    return wa / sum * a + wb / sum * b + wc / sum * c;
   }
 
   // The smallest circle around the triangle: the circle over the longest edge for an obtuse triangle,
@@ -66,5 +62,42 @@ struct Triangle3 {
     return {circumcenter(), circumradius()};
   }
 };
+
+// A part of a triangle: sampling and the certificate both cut triangles until the parts are small enough.
+// Types derive from it to carry more along.
+struct TrianglePart {
+  std::array<Point, 3> corner;
+  std::uint32_t triangle = 0;  // of the mesh, that this is a part of
+
+  Point centroid() const { return (corner[0] + corner[1] + corner[2]) / 3; }
+
+  // The squared length of the longest edge, and the corner that this edge starts from.
+  std::pair<double, int> longest_edge() const {
+    std::pair<double, int> longest{-1, 0};
+    for (int k = 0; k < 3; k++) {
+      const double length2 = (corner[(k + 1) % 3] - corner[k]).squaredNorm();
+      if (length2 > longest.first) longest = {length2, k};
+    }
+    return longest;
+  }
+  double size() const { return std::sqrt(longest_edge().first); }  // length of the longest edge
+  double radius() const {                                          // of the ball around the centroid
+    const Point middle = centroid();
+    double radius2 = 0;
+    for (const Point& p : corner) radius2 = std::max(radius2, (p - middle).squaredNorm());
+    return std::sqrt(radius2);
+  }
+};
+
+// The two halves on both sides of the middle of the longest edge. They inherit everything else from the part.
+template <class Part>
+std::array<Part, 2> bisect(const Part& part) {
+  const int from = part.longest_edge().second, to = (from + 1) % 3;
+  const Point middle = 0.5 * (part.corner[from] + part.corner[to]);
+  std::array<Part, 2> halves = {part, part};
+  halves[0].corner[to] = middle;
+  halves[1].corner[from] = middle;
+  return halves;
+}
 
 }  // namespace padder

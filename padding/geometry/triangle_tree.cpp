@@ -4,7 +4,8 @@
 #include <array>
 #include <atomic>
 #include <limits>
-#include <numeric>
+
+#include "padding/geometry/indices.h"
 
 namespace padder {
 namespace {
@@ -228,10 +229,9 @@ class PairWalk {
 
 }  // namespace
 
-TriangleTree::TriangleTree(const Mesh& mesh) : triangles_(mesh.triangles.size()) {
+TriangleTree::TriangleTree(const Mesh& mesh) : triangles_(numbered(mesh.triangles.size())) {
   const std::size_t n = mesh.triangles.size();
   std::vector<Box> boxes(n);
-  std::iota(triangles_.begin(), triangles_.end(), 0u);
 #pragma omp parallel for if (n > kTreeParallelSize)
   for (std::size_t t = 0; t < n; t++)
     for (int k = 0; k < 3; k++) boxes[t].add(mesh.corner(t, k));

@@ -39,9 +39,7 @@ double UnitFrame::coarseness() const {
 }
 
 Accuracy UnitFrame::back(Accuracy a) const {
-  for (double* length : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
-                         &a.gap_p95, &a.protrusion_bound, &a.gap_bound, &a.wrap_distance})
-    *length *= scale_;
+  a.scale(scale_);
   return a;
 }
 

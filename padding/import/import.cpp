@@ -124,8 +124,7 @@ Cluster cluster_of(Part p, const std::string& unit, const fs::path& path) {
     if (!c.centers[k].allFinite() || !std::isfinite(c.radii[k]) || !(c.radii[k] > 0))
       throw Error(where + ": sphere " + std::to_string(k) + " of " + excerpt(c.name) +
                   " is not finite or has no positive radius");
-    c.bounds.add(c.centers[k] - Vector::Constant(c.radii[k])),
-        c.bounds.add(c.centers[k] + Vector::Constant(c.radii[k]));
+    c.bounds.add_ball(c.centers[k], c.radii[k]);
   }
   return c;
 }

@@ -2,7 +2,6 @@
 #include "padding/meshing/mend.h"
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "padding/meshing/cavities/cavities.h"
@@ -25,8 +24,7 @@ class Mender {
         surface_(std::move(piece)) {
     pieces_.mesh = input_;
     Piece& all = pieces_.pieces.emplace_back();
-    all.triangles.resize(input_.triangles.size()), all.closed = true;
-    std::iota(all.triangles.begin(), all.triangles.end(), 0u);
+    all.triangles = numbered(input_.triangles.size()), all.closed = true;
   }
 
   // Nothing where the pieces make no body; why_not() says why.
@@ -196,21 +194,21 @@ class Mender {
   Repaired out_;
 };
 
-}  // namespace
-
-std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options, std::string* why_not) {
-  Mender mender(input, options);
+std::optional<Repaired> run(Mender&& mender, std::string* why_not) {
   auto body = mender.run();
   if (why_not) *why_not = mender.why_not();
   return body;
 }
 
+}  // namespace
+
+std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options, std::string* why_not) {
+  return run(Mender(input, options), why_not);
+}
+
 std::optional<Repaired> mend_piece(std::shared_ptr<const Surface> piece, const RepairOptions& options,
                                    std::string* why_not) {
-  Mender mender(std::move(piece), options);
-  auto body = mender.run();
-  if (why_not) *why_not = mender.why_not();
-  return body;
+  return run(Mender(std::move(piece), options), why_not);
 }
 
 }  // namespace padder

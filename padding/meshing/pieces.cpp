@@ -7,8 +7,6 @@
 #include <cmath>
 #include <map>
 #include <numbers>
-#include <numeric>
-#include <span>
 #include <utility>
 
 #include "padding/geometry/random.h"
@@ -24,19 +22,16 @@ bool closes(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   return missing_edges(mesh, triangles).empty();
 }
 
-// The triangles that hang together by the edges for which join(number of triangles) holds, in their order.
-template <class Join>
+// The triangles that hang together by the edges for which joins(number of triangles) holds, in their order.
+template <class Joins>
 std::vector<std::vector<std::uint32_t>> connected(const Mesh& mesh,
-                                                  const std::vector<std::uint32_t>& triangles, Join&& join) {
-  std::vector<std::uint32_t> parent(mesh.triangles.size());
-  std::iota(parent.begin(), parent.end(), 0u);
+                                                  const std::vector<std::uint32_t>& triangles,
+                                                  Joins&& joins) {
+  std::vector<std::uint32_t> parent = numbered(mesh.triangles.size());
   const std::vector<Side> sides = sides_of(mesh, triangles);
   for_edges(sides, [&](std::size_t begin, std::size_t end) {
-    if (!join(end - begin)) return;
-    for (const Side& side : std::span(sides).subspan(begin + 1, end - begin - 1)) {
-      const auto a = root_of(parent, sides[begin].triangle), b = root_of(parent, side.triangle);
-      parent[std::max(a, b)] = std::min(a, b);
-    }
+    if (!joins(end - begin)) return;
+    for (std::size_t k = begin + 1; k < end; k++) join(parent, sides[begin].triangle, sides[k].triangle);
   });
   std::vector<std::vector<std::uint32_t>> members(mesh.triangles.size());
   for (const auto t : triangles) members[root_of(parent, t)].push_back(t);
@@ -70,9 +65,7 @@ Mesh merged(const Mesh& soup) {
 // Triangles that are joined, and which of them are turned against the first of theirs.
 class Turns {
  public:
-  explicit Turns(std::size_t count) : parent_(count), turned_(count, 0) {
-    std::iota(parent_.begin(), parent_.end(), 0u);
-  }
+  explicit Turns(std::size_t count) : parent_(numbered(count)), turned_(count, 0) {}
   // The first triangle of k's, and whether k is turned against it.
   std::pair<std::uint32_t, bool> root(std::uint32_t k) {
     bool turned = false;
@@ -148,8 +141,7 @@ class Skin {
     std::map<std::uint32_t, std::vector<std::uint32_t>> ways;
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
       if (end - begin != 1) return;
-      const auto low = static_cast<std::uint32_t>(sides[begin].edge >> 32),
-                 high = static_cast<std::uint32_t>(sides[begin].edge);
+      const auto [low, high] = ends_of(sides[begin].edge);
       ways[low].push_back(high), ways[high].push_back(low);
     });
     std::vector<std::vector<std::uint32_t>> rims;
@@ -194,23 +186,19 @@ class Skin {
   }
 
   void find_shells() {
-    parent_.resize(2 * triangles_.size());
-    std::iota(parent_.begin(), parent_.end(), 0u);
+    parent_ = numbered(2 * triangles_.size());
     std::map<std::uint32_t, std::uint32_t> local;
     for (const auto t : triangles_) local.emplace(t, static_cast<std::uint32_t>(local.size()));
     const std::vector<Side> sides = sides_of(mesh_, triangles_);
-    std::vector<std::uint32_t> face(triangles_.size());  // triangles that two-sided edges hold together
-    std::iota(face.begin(), face.end(), 0u);
+    std::vector<std::uint32_t> face =
+        numbered(triangles_.size());  // those that two-sided edges hold together
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
-      if (end - begin != 2) return;
-      const auto a = root_of(face, local.at(sides[begin].triangle)),
-                 b = root_of(face, local.at(sides[begin + 1].triangle));
-      face[std::max(a, b)] = std::min(a, b);
+      if (end - begin == 2) join(face, local.at(sides[begin].triangle), local.at(sides[begin + 1].triangle));
     });
     std::vector<Leaf> leaves;
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
-      const Point &low = mesh_.points[sides[begin].edge >> 32],
-                  &high = mesh_.points[sides[begin].edge & 0xffffffffu];
+      const auto [from, to] = ends_of(sides[begin].edge);
+      const Point &low = mesh_.points[from], &high = mesh_.points[to];
       const Vector along = (high - low).normalized();
       leaves.clear();
       Vector x = Vector::Zero();
@@ -228,11 +216,8 @@ class Skin {
             {angle, root_of(face, at), ahead, ahead ? front : front + 1, ahead ? front + 1 : front});
       }
       sort_round(leaves);
-      for (std::size_t k = 0; k < leaves.size(); k++) {
-        const auto a = root_of(parent_, leaves[k].ahead),
-                   b = root_of(parent_, leaves[(k + 1) % leaves.size()].behind);
-        parent_[std::max(a, b)] = std::min(a, b);
-      }
+      for (std::size_t k = 0; k < leaves.size(); k++)
+        join(parent_, leaves[k].ahead, leaves[(k + 1) % leaves.size()].behind);
     });
     shell_volume_.assign(parent_.size(), 0);
     for (std::size_t k = 0; k < triangles_.size(); k++)
@@ -321,8 +306,7 @@ class PieceWork {
   // Repeated triangles are walls of bodies that touch or share a face, if all edges close with them, as
   // given, and the piece encloses a volume then: a surface whose triangles face both ways closes, too.
   std::optional<std::vector<std::uint32_t>> with_repeats() const {
-    double area = 0;
-    for (const auto t : triangles_) area += mesh_.area_normal(t).norm();
+    const double area = area_of(mesh_, triangles_);
     for (auto& kept : {without_repeats(true), triangles_})
       if (closes(mesh_, kept) && std::abs(signed_volume(mesh_, kept)) > kLeastEnclosed * std::pow(area, 1.5))
         return kept;
@@ -421,18 +405,10 @@ class PieceWork {
 std::optional<Mesh> one_closed_piece(const Mesh& soup) {
   Mesh mesh = merged(soup);
   if (mesh.triangles.empty() || mesh.triangles.size() < soup.triangles.size()) return std::nullopt;
-  std::vector<std::uint32_t> all(mesh.triangles.size());
-  std::iota(all.begin(), all.end(), 0u);
-  const std::vector<Side> sides = sides_of(mesh, all);
+  const std::vector<Side> sides = sides_of(mesh, numbered(mesh.triangles.size()));
   // Triangles that meet in an edge have one root, and so have their corners at each end of it.
-  std::vector<std::uint32_t> piece(all), round(3 * all.size());
-  std::iota(round.begin(), round.end(), 0u);
+  std::vector<std::uint32_t> piece = numbered(mesh.triangles.size()), round = numbered(3 * piece.size());
   std::size_t pieces = piece.size(), rounds = round.size();
-  const auto join = [](std::vector<std::uint32_t>& parent, std::uint32_t a, std::uint32_t b) {
-    a = root_of(parent, a), b = root_of(parent, b);
-    parent[std::max(a, b)] = std::min(a, b);
-    return a != b;
-  };
   const auto corner = [&](std::uint32_t t, std::uint32_t v) {
     const Corners& c = mesh.triangles[t];
     return 3 * t + (c[0] == v ? 0 : c[1] == v ? 1 : 2);
@@ -444,9 +420,7 @@ std::optional<Mesh> one_closed_piece(const Mesh& soup) {
       return std::nullopt;
     const auto s = sides[k].triangle, t = sides[k + 1].triangle;
     pieces -= join(piece, s, t);
-    for (const auto v :
-         {static_cast<std::uint32_t>(sides[k].edge >> 32), static_cast<std::uint32_t>(sides[k].edge)})
-      rounds -= join(round, corner(s, v), corner(t, v));
+    for (const auto v : ends_of(sides[k].edge)) rounds -= join(round, corner(s, v), corner(t, v));
   }
   // Points in the order in which triangles use them.
   std::vector<std::uint32_t> index(mesh.points.size(), ~0u);
@@ -465,7 +439,7 @@ std::optional<Mesh> one_closed_piece(const Mesh& soup) {
 std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   const auto side = [&](std::uint32_t t, int k) -> Side {
     const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
-    return {std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), t, u < v ? 1 : -1};
+    return {edge_of(u, v), t, u < v ? 1 : -1};
   };
   std::vector<Side> sides(3 * triangles.size());
 #pragma omp parallel for schedule(static) if (sides.size() > 16384)
@@ -479,6 +453,12 @@ std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& t
     sort_by_edge(
         sides, mesh.points.size(), [](const Side& s) { return s.edge; }, before);
   return sides;
+}
+
+double area_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  double sum = 0;
+  for (const auto t : triangles) sum += mesh.area_normal(t).norm();
+  return sum;
 }
 
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
@@ -509,8 +489,7 @@ std::vector<DirectedEdge> missing_edges(const Mesh& mesh, const std::vector<std:
   for_edges(sides, [&](std::size_t begin, std::size_t end) {
     int sum = 0;
     for (std::size_t k = begin; k < end; k++) sum += sides[k].direction;
-    const auto low = static_cast<std::uint32_t>(sides[begin].edge >> 32),
-               high = static_cast<std::uint32_t>(sides[begin].edge);
+    const auto [low, high] = ends_of(sides[begin].edge);
     for (; sum > 0; sum--) missing.push_back({high, low});
     for (; sum < 0; sum++) missing.push_back({low, high});
   });
@@ -520,8 +499,8 @@ std::vector<DirectedEdge> missing_edges(const Mesh& mesh, const std::vector<std:
 Pieces find_pieces(const Mesh& soup) {
   Pieces out;
   out.mesh = merged(soup);
-  std::vector<std::uint32_t> all(out.mesh.triangles.size()), rest;
-  std::iota(all.begin(), all.end(), 0u);
+  const std::vector<std::uint32_t> all = numbered(out.mesh.triangles.size());
+  std::vector<std::uint32_t> rest;
   // A part that closes without the others that share an edge with it is a body of its own.
   for (auto& part : connected(out.mesh, all, [](std::size_t n) { return n == 2; })) {
     const auto sides = sides_of(out.mesh, part);

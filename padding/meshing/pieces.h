@@ -5,11 +5,11 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <numeric>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "padding/geometry/indices.h"
 #include "padding/geometry/surface.h"
 
 namespace padder {
@@ -20,8 +20,6 @@ struct Piece {
   bool closed = false;                   // along each edge the directions cancel
   bool bounds_nothing = false;           // walls inside another piece, or sheets that stand on it
 };
-
-using Corners = std::array<std::uint32_t, 3>;  // the indices of a triangle's points
 
 // The soup with equal points merged. Triangles that name a point twice are left out.
 struct Pieces {
@@ -48,26 +46,17 @@ inline std::string count_of(std::size_t n, const std::string& one) {
   return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
 }
 
-// The root of k in a forest of joined indices (union-find), in which a root is its own parent. Shortens the
-// way for later calls.
-inline std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {
-  while (parent[k] != k) k = parent[k] = parent[parent[k]];
-  return k;
-}
-
 // A side of a triangle.
 struct Side {
-  std::uint64_t edge;  // the smaller vertex << 32 | the larger
+  std::uint64_t edge;  // edge_of()
   std::uint32_t triangle;
   int direction;  // 1 from the smaller vertex to the larger, otherwise -1
 };
 
 // Sorts items that belong to edges, first by edge: first edge(item), and then as less(a, b) says. Those with
-// the same smaller vertex are put together first; they are few, so the rest is done on all threads. Returns
-// where the items of each smaller vertex begin, and at last the end.
+// the same smaller vertex are put together first; they are few, so the rest is done on all threads.
 template <class Item, class Edge, class Less>
-std::vector<std::size_t> sort_by_edge(std::vector<Item>& items, std::size_t vertices, Edge&& edge,
-                                      Less&& less) {
+void sort_by_edge(std::vector<Item>& items, std::size_t vertices, Edge&& edge, Less&& less) {
   std::vector<std::size_t> begin(vertices + 1);
   for (const Item& item : items) begin[(edge(item) >> 32) + 1]++;
   std::partial_sum(begin.begin(), begin.end(), begin.begin());
@@ -81,7 +70,6 @@ std::vector<std::size_t> sort_by_edge(std::vector<Item>& items, std::size_t vert
               items.begin() + static_cast<std::ptrdiff_t>(begin[v + 1]), [&](const Item& a, const Item& b) {
                 return edge(a) != edge(b) ? edge(a) < edge(b) : less(a, b);
               });
-  return begin;
 }
 
 // The sides of the triangles listed, in ascending order: those of one edge stand together, and of these the
@@ -97,7 +85,8 @@ void for_edges(const std::vector<Side>& sides, Visit&& visit) {
   }
 }
 
-// The signed volume that triangles enclose: those of `mesh` that are listed.
+// The area of the triangles of `mesh` that are listed, and the signed volume that they enclose.
+double area_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 
 // Turns them round if they enclose less than nothing. Returns whether they did.
@@ -105,6 +94,22 @@ bool turn_outward(Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 
 // The triangles listed as a mesh with all points of the other one.
 Mesh part_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
+
+// Deals samples to one triangle after another, so that they stand at even steps of the area.
+class EvenSteps {
+ public:
+  EvenSteps(double area, std::size_t wanted) : area_(area), wanted_(wanted) {}
+  // How many samples the next triangle gets.
+  std::size_t next(double area) {
+    const std::size_t before = dealt_;
+    for (sum_ += area; double(dealt_) + 0.5 < sum_ / area_ * double(wanted_);) dealt_++;
+    return dealt_ - before;
+  }
+
+ private:
+  double area_, sum_ = 0;
+  std::size_t wanted_, dealt_ = 0;
+};
 
 // An edge from `from` to `to`.
 struct DirectedEdge {

@@ -17,6 +17,7 @@
 #include <numbers>
 
 #include "padding/asset/error.h"
+#include "padding/geometry/indices.h"
 #include "padding/geometry/slivers.h"
 #include "padding/geometry/triangle.h"
 #include "padding/meshing/cgal_mesh.h"
@@ -343,8 +344,7 @@ void break_rows(CgalMesh& mesh, SharpMap& sharp, double length) {
     }
   }
   if (rows.empty()) return;
-  std::sort(rows.begin(), rows.end());
-  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+  sort_unique(rows);
   for (int ring = 0; ring < rings; ring++) {
     const std::vector<char> inner = close;
     for (const Edge e : mesh.edges()) {
@@ -382,8 +382,7 @@ RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
     const Vector normal = tri.area_normal().normalized();
     for (int k = 0; k < 3; k++) {
       const auto u = mesh.triangles[t][k], v = mesh.triangles[t][(k + 1) % 3];
-      sides.push_back({std::uint64_t(std::min(u, v)) << 32 | std::max(u, v), 3 * t + std::size_t(k),
-                       tri.angle((k + 2) % 3), normal});
+      sides.push_back({edge_of(u, v), 3 * t + std::size_t(k), tri.angle((k + 2) % 3), normal});
     }
     q.min_angle_deg = std::min(q.min_angle_deg, least_angle(tri) / kDegree);
     under += least_angle(tri) < kSmallAngle;
@@ -419,7 +418,8 @@ Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   const Mesh thinned = with_thinned_fans(input, 0.25 * length, 0.02 * length);
   CgalMesh mesh = manifold(near > 0 ? without_slivers(thinned, near) : thinned);
   SharpMap sharp = find_sharp_edges(mesh, options.sharp_angle);
-  make_even(mesh.faces(), mesh, sharp, length, options.iterations);
+  constexpr int iterations = 5;
+  make_even(mesh.faces(), mesh, sharp, length, iterations);
   break_rows(mesh, sharp, length);
   if (near > 0) {
     mesh = manifold(without_slivers(from_cgal(mesh), near));

@@ -14,7 +14,6 @@ struct RemeshOptions {
   // Edges and triangles' heights under this share of the edge length are taken out (geometry/slivers.h)
   // before and after. For surfaces that were cut where they cross; 0: none.
   double slivers = 0;
-  int iterations = 5;  // each splits, collapses, flips, smooths and projects
 };
 
 // What remeshing reached. Shares are 0 to 1.

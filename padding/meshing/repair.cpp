@@ -16,6 +16,7 @@
 #include <optional>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/meshing/cavities/shells.h"
 #include "padding/meshing/cells/contacts.h"
 #include "padding/meshing/cgal_mesh.h"
@@ -31,6 +32,16 @@ namespace pmp = CGAL::Polygon_mesh_processing;
 constexpr const char* no_surface =
     ": no triangle has an area that shows at 1.5e-11 of the diagonal: either there is no surface to pad, or "
     "its parts lie so far apart that they must be padded one by one";
+
+// Collects what repair did as "a; b; c".
+class RepairReport {
+ public:
+  void add(const std::string& sentence) { text_ += (text_.empty() ? "" : "; ") + sentence; }
+  std::string text() const { return text_.empty() ? "none needed" : text_; }
+
+ private:
+  std::string text_;
+};
 
 // Has triangle t no area? Its height is what counts: a small part far from another one has small triangles.
 bool has_no_area(const Mesh& mesh, std::size_t t, double diagonal) {
@@ -150,11 +161,7 @@ std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagona
   return out;
 }
 
-std::string percent(double share) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.3g %%", 100 * share);
-  return text;
-}
+std::string percent(double share) { return short_number(100 * share, 3) + " %"; }
 
 // What mend() did, in words.
 std::string words(const Repaired& body, double diagonal) {
@@ -220,10 +227,9 @@ bool is_terrain(const Mesh& mesh) {
     const Vector a = mesh.area_normal(t);
     if (a.dot(up) > 0) facing += a.norm();
     if (t % step != 0) continue;
-    const Point middle = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
     asked += a.norm();
     const auto self = [t](std::uint32_t other) { return other == t; };
-    if (surface.crossings(middle, along, self).value_or(0) != 0) behind += a.norm();
+    if (surface.crossings(mesh.middle(t), along, self).value_or(0) != 0) behind += a.norm();
   }
   return facing > 0.999 * area && behind < 0.001 * asked;
 }
@@ -234,7 +240,7 @@ Repaired wrapped(const Mesh& input, const RepairOptions& options, double diagona
   Soup soup = soup_with_area(input, flat);
   if (soup.triangles.empty()) throw Error(name + no_surface);
   pmp::repair_polygon_soup(soup.points, soup.triangles);
-  Repaired out = wrap(soup, options, diagonal, {}, why);
+  Repaired out = wrap(soup, options, diagonal, why);
   out.flat = std::move(flat);
   return out;
 }
@@ -287,7 +293,9 @@ std::optional<Repaired> piece_repaired(Mesh piece, const Mesh& input, const Repa
   return out;
 }
 
-Repaired repaired(const Mesh& input, const RepairOptions& options, const std::string& name) {
+}  // namespace
+
+Repaired repair(const Mesh& input, const RepairOptions& options, const std::string& name) {
   const double diagonal = input.bounds().diagonal();
   const bool keep_solids = options.mode == RepairMode::automatic || options.mode == RepairMode::fill ||
                            options.mode == RepairMode::sheet;
@@ -312,12 +320,6 @@ Repaired repaired(const Mesh& input, const RepairOptions& options, const std::st
     if (auto solid = closed_solid(std::move(soup), flat.triangles.size(), diagonal))
       return with_flat(std::move(*solid));
   return mend_all(input, options, diagonal, name);
-}
-
-}  // namespace
-
-Repaired repair(const Mesh& input, const RepairOptions& options, const std::string& name) {
-  return repaired(input, options, name);
 }
 
 }  // namespace padder

@@ -4,6 +4,7 @@
 #pragma once
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "padding/geometry/repaired.h"
 
@@ -20,6 +21,10 @@ enum class RepairMode {
   never,
   wrap,  // wrap every input: an alpha wrap around the triangles replaces them
 };
+// By the names that users give them.
+inline constexpr std::pair<const char*, RepairMode> kRepairModes[] = {
+    {"auto", RepairMode::automatic}, {"union", RepairMode::united}, {"fill", RepairMode::fill},
+    {"sheet", RepairMode::sheet},    {"never", RepairMode::never},  {"wrap", RepairMode::wrap}};
 
 // Lengths are in the mesh's unit; 0 means that repair chooses.
 struct RepairOptions {
@@ -39,7 +44,6 @@ struct RepairOptions {
   double offset = 0;     // of a wrap from the input; 0: a third of the accuracy, at most diagonal/1500
   double thickness = 0;  // of sheets, half on either side; 0: their spheres stand out by the protrusion alone
   bool below_terrain = false;  // a sheet that all faces one way is solid below its normals, as far as known
-  double hole_size = 0.15;     // holes whose rim is at most this share of the diagonal are always closed
   // Where more pairs of triangles cross, or three triangles at more places, they are not cut apart:
   // `automatic` wraps the mesh, and the other modes throw Error. A million pairs take 40 s on one core, and
   // 3 GB.

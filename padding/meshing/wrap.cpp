@@ -4,7 +4,8 @@
 #include <CGAL/alpha_wrap_3.h>
 
 #include <algorithm>
-#include <cstdio>
+
+#include "padding/asset/excerpt.h"
 
 namespace padder {
 
@@ -22,8 +23,7 @@ double wrap_alpha(const RepairOptions& options, double diagonal) {
   return std::clamp(2.75 * accuracy_of(options, diagonal), diagonal / 400, diagonal / 150);
 }
 
-Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, RepairReport report,
-              const std::string& why) {
+Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, const std::string& why) {
   Repaired out;
   out.kind = BodyKind::wrap;
   out.alpha = wrap_alpha(options, diagonal);
@@ -35,11 +35,9 @@ Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, R
   CgalMesh mesh;
   CGAL::alpha_wrap_3(soup.points, triangles, out.alpha, out.offset, mesh);
   out.mesh = from_cgal(mesh), out.checked = true;
-  char settings[100];
-  std::snprintf(settings, sizeof settings, "alpha %.3g %%, offset %.3g %% of the diagonal",
-                100 * out.alpha / diagonal, 100 * out.offset / diagonal);
-  report.add("wrapped (" + why + "; " + settings + ")");
-  out.report = report.text();
+  const auto percent = [&](double length) { return short_number(100 * length / diagonal, 3) + " %"; };
+  out.report = "wrapped (" + why + "; alpha " + percent(out.alpha) + ", offset " + percent(out.offset) +
+               " of the diagonal)";
   return out;
 }
 

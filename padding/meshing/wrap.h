@@ -15,18 +15,7 @@ struct Soup {
   std::vector<std::vector<std::size_t>> triangles;
 };
 
-// Collects what repair did as "a; b; c".
-class RepairReport {
- public:
-  void add(const std::string& sentence) { text_ += (text_.empty() ? "" : "; ") + sentence; }
-  std::string text() const { return text_.empty() ? "none needed" : text_; }
-
- private:
-  std::string text_;
-};
-
 // Wraps `soup` with CGAL's 3D Alpha Wrapping. `why` is the reason, for the report.
-Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, RepairReport report,
-              const std::string& why);
+Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, const std::string& why);
 
 }  // namespace padder

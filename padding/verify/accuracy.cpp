@@ -171,9 +171,4 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   return m;
 }
 
-bool within(const Accuracy& accuracy, double tolerance) {
-  const double most = tolerance * (1 + 1e-9);
-  return accuracy.protrusion_max <= most && accuracy.gap_max <= most;
-}
-
 }  // namespace padder

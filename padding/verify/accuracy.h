@@ -54,8 +54,4 @@ struct Measured {
 Measured measure(const Mesh& input, const Repaired& body, const Surface& body_surface,
                  const std::vector<Ball>& balls, const AccuracyOptions& options = {});
 
-// Are the largest protrusion and the largest gap within `tolerance`? An excess of 1e-9 of it is allowed,
-// because scaling to another unit costs the last digits.
-bool within(const Accuracy& accuracy, double tolerance);
-
 }  // namespace padder

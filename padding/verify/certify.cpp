@@ -29,8 +29,7 @@ void tighten(GapPart& part, const BallSet& balls, std::uint32_t ball) {
 
 GapPart gap_part_of(const Mesh& mesh, std::size_t t) {
   GapPart part;
-  part.triangle = static_cast<std::uint32_t>(t);
-  for (int k = 0; k < 3; k++) part.corner[k] = mesh.corner(t, k);
+  part.corner = mesh.corners(t), part.triangle = static_cast<std::uint32_t>(t);
   part.bound = kUnbounded;
   return part;
 }
@@ -200,10 +199,8 @@ class NearBalls {
 
   // Begins with a part, unless too many balls are near.
   bool take(const GapPart& part) {
-    double radius2 = 0;
-    for (const Point& p : part.corner) radius2 = std::max(radius2, (p - part.point).squaredNorm());
     near_.clear();
-    balls_.find(part.point, (bound_ + std::sqrt(radius2)) * (1 + 1e-12) + 1e-300, near_);
+    balls_.find(part.centroid(), (bound_ + part.radius()) * (1 + 1e-12) + 1e-300, near_);
     std::sort(near_.begin(), near_.end());  // of equal gaps that of the lowest index counts
     return near_.size() <= kMost;
   }

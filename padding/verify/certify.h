@@ -7,7 +7,7 @@
 
 #include "padding/geometry/balls.h"
 #include "padding/geometry/surface.h"
-#include "padding/geometry/triangle_part.h"
+#include "padding/geometry/triangle.h"
 
 namespace padder {
 

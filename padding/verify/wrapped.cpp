@@ -5,9 +5,9 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <numeric>
 
-#include "padding/geometry/triangle_part.h"
+#include "padding/geometry/indices.h"
+#include "padding/geometry/triangle.h"
 
 namespace padder {
 namespace {
@@ -15,14 +15,7 @@ namespace {
 constexpr double kSmallestPart = 1e-9;  // share of the mesh's diagonal: below it, rounding decides
 
 TrianglePart part_of(const Mesh& mesh, std::size_t t) {
-  return {{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)}, static_cast<std::uint32_t>(t)};
-}
-
-double radius_of(const TrianglePart& part) {
-  const Point middle = part.centroid();
-  double radius2 = 0;
-  for (const Point& p : part.corner) radius2 = std::max(radius2, (p - middle).squaredNorm());
-  return std::sqrt(radius2);
+  return {mesh.corners(t), static_cast<std::uint32_t>(t)};
 }
 
 double standoff(const TrianglePart& whole, const Surface& input, double slack, double smallest) {
@@ -37,7 +30,7 @@ double standoff(const TrianglePart& whole, const Surface& input, double slack, d
     // way. The second saves a cut where the input's triangles are far smaller than the part.
     double bound = 0;
     for (const Point& p : part.corner) bound = std::max(bound, input.distance_to(at.triangle, p));
-    bound = std::min(bound, at.distance + radius_of(part));
+    bound = std::min(bound, at.distance + part.radius());
     if (bound <= lower + slack || part.size() <= smallest) {
       upper = std::max(upper, bound);
       continue;
@@ -51,7 +44,7 @@ double standoff(const TrianglePart& whole, const Surface& input, double slack, d
 // is appended as one, so that cuts stay only along the limit.
 void divide(const TrianglePart& part, const Surface& wrap, double depth, double grain,
             std::array<std::vector<TrianglePart>, 2>& sides) {
-  const double radius = radius_of(part), distance = wrap.nearest(part.centroid(), depth + radius).distance;
+  const double radius = part.radius(), distance = wrap.nearest(part.centroid(), depth + radius).distance;
   const bool deep = !(distance < depth + radius);
   if (!deep && distance + radius > depth && part.size() > grain) {
     const std::size_t before[2] = {sides[0].size(), sides[1].size()};
@@ -64,31 +57,6 @@ void divide(const TrianglePart& part, const Surface& wrap, double depth, double 
     sides[deep].push_back(part);
   }
 }
-
-void append(const std::vector<TrianglePart>& parts, Mesh& mesh) {
-  for (const TrianglePart& part : parts) {
-    const auto first = static_cast<std::uint32_t>(mesh.points.size());
-    mesh.triangles.push_back({first, first + 1, first + 2});
-    mesh.points.insert(mesh.points.end(), part.corner.begin(), part.corner.end());
-  }
-}
-
-// Union-find.
-class Pieces {
- public:
-  explicit Pieces(std::size_t n) : parent_(n) { std::iota(parent_.begin(), parent_.end(), 0u); }
-  std::uint32_t of(std::uint32_t k) {
-    while (parent_[k] != k) k = parent_[k] = parent_[parent_[k]];
-    return k;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = of(a), b = of(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
-};
 
 }  // namespace
 
@@ -105,21 +73,21 @@ std::vector<ClosedSlot> closed_slots(const Mesh& wrap, const std::vector<double>
   std::vector<std::uint32_t> far;
   for (std::uint32_t t = 0; t < standoff.size(); t++)
     if (standoff[t] > allowed) far.push_back(t);
-  Pieces pieces(far.size());
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> first_at;  // edge: the first piece with it
+  std::vector<std::uint32_t> pieces = numbered(far.size());
+  std::map<std::uint64_t, std::uint32_t> first_at;  // edge: the first triangle with it
   for (std::uint32_t k = 0; k < far.size(); k++)
     for (int side = 0; side < 3; side++) {
       const std::uint32_t v = wrap.triangles[far[k]][side], w = wrap.triangles[far[k]][(side + 1) % 3];
-      const auto [at, fresh] = first_at.emplace(std::minmax(v, w), k);
-      if (!fresh) pieces.join(at->second, k);
+      const auto [at, fresh] = first_at.emplace(edge_of(v, w), k);
+      if (!fresh) join(pieces, at->second, k);
     }
   std::map<std::uint32_t, ClosedSlot> slots;
   for (std::uint32_t k = 0; k < far.size(); k++) {
-    ClosedSlot& slot = slots[pieces.of(k)];
+    ClosedSlot& slot = slots[root_of(pieces, k)];
     slot.triangles.push_back(far[k]);
     slot.area += wrap.area_normal(far[k]).norm();
     if (2 * standoff[far[k]] > slot.width)
-      slot.width = 2 * standoff[far[k]], slot.place = part_of(wrap, far[k]).centroid();
+      slot.width = 2 * standoff[far[k]], slot.place = wrap.middle(far[k]);
   }
   std::vector<ClosedSlot> sorted;
   for (auto& [piece, slot] : slots) sorted.push_back(std::move(slot));
@@ -133,7 +101,10 @@ Touchable touchable(const Mesh& input, const Surface& wrap, double depth, double
 #pragma omp parallel for schedule(dynamic, 64)
   for (std::size_t t = 0; t < sides.size(); t++) divide(part_of(input, t), wrap, depth, grain, sides[t]);
   Touchable found;
-  for (const auto& [kept, buried] : sides) append(kept, found.mesh), append(buried, found.buried);
+  for (const auto& [kept, buried] : sides) {
+    for (const TrianglePart& part : kept) found.mesh.add(part.corner);
+    for (const TrianglePart& part : buried) found.buried.add(part.corner);
+  }
   return found;
 }
 

@@ -2,8 +2,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 
 #include "padding/geometry/balls.h"
+#include "padding/geometry/indices.h"
 #include "padding/view/view.h"
 
 namespace padder {
@@ -13,15 +15,7 @@ constexpr double kCoarse = 1. / 50, kFine = 1. / 200;  // edges, as shares of th
 constexpr double kBend = 0.06;                         // of the largest error: what interpolation may be off
 constexpr std::size_t kMostTriangles = 100000;
 
-using Triangle = std::array<std::uint32_t, 3>;
-
-// An edge of triangles, and the point in its middle where it is divided.
-struct Edge {
-  std::uint32_t a = 0, b = 0;  // a < b
-  std::uint32_t middle = 0;    // a: none
-  bool operator<(const Edge& o) const { return a != o.a ? a < o.a : b < o.b; }
-  bool operator==(const Edge& o) const { return a == o.a && b == o.b; }
-};
+using Middles = std::unordered_map<std::uint64_t, std::uint32_t>;  // of divided edges, by edge_of()
 
 // Divides triangles edge by edge. Whether an edge is divided depends on it alone, so that the triangles on
 // both of its sides agree and no crack opens.
@@ -43,12 +37,12 @@ class Division {
   }
 
   void run() {
-    std::vector<Triangle> active = view_.mesh.triangles, next;
+    std::vector<Corners> active = view_.mesh.triangles, next;
     while (!active.empty() && fine_.triangles.size() + active.size() < kMostTriangles) {
-      const std::vector<Edge> edges = divided_edges(active);
+      const Middles middles = divided_edges(active);
       find_gaps();
       next.clear();
-      for (const Triangle& t : active) divide(t, edges, next);
+      for (const Corners& t : active) divide(t, middles, next);
       std::swap(active, next);
     }
     fine_.triangles.insert(fine_.triangles.end(), active.begin(), active.end());
@@ -59,7 +53,7 @@ class Division {
   // wrong: nothing is beyond the protrusion of the sphere, nor beyond the gap that the level reports.
   void finish() {
     std::vector<std::uint8_t> used(fine_.points.size());
-    for (const Triangle& t : fine_.triangles)
+    for (const Corners& t : fine_.triangles)
       for (const std::uint32_t p : t) used[p] = 1;
     view_.gap.assign(view_.size(), 0.f);
     for (std::size_t k = 0; k < sets_.size(); k++) {
@@ -89,50 +83,48 @@ class Division {
     }
   }
 
-  bool bends(const Edge& e, const Point& middle) const {
+  bool bends(std::uint32_t a, std::uint32_t b, const Point& middle) const {
     for (std::size_t k = 0; k < sets_.size(); k++) {
       if (sets_[k].empty()) continue;
-      const double between = (gaps_[k][e.a].value + gaps_[k][e.b].value) / 2;
+      const double between = (gaps_[k][a].value + gaps_[k][b].value) / 2;
       if (std::abs(sets_[k].gap(middle).value - between) > kBend * largest_) return true;
     }
     return false;
   }
 
-  // Sorted; those that are divided have their middle among the points then.
-  std::vector<Edge> divided_edges(const std::vector<Triangle>& triangles) {
-    std::vector<Edge> edges;
-    for (const Triangle& t : triangles)
-      for (int k = 0; k < 3; k++) {
-        const auto [a, b] = std::minmax(t[k], t[(k + 1) % 3]);
-        edges.push_back({a, b, a});
-      }
-    std::sort(edges.begin(), edges.end());
-    edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  // Those that are divided, which have their middle among the points then.
+  Middles divided_edges(const std::vector<Corners>& triangles) {
+    std::vector<std::uint64_t> edges;
+    for (const Corners& t : triangles)
+      for (int k = 0; k < 3; k++) edges.push_back(edge_of(t[k], t[(k + 1) % 3]));
+    sort_unique(edges);
     std::vector<std::uint8_t> divide(edges.size());
     const auto n = std::int64_t(edges.size());
 #pragma omp parallel for schedule(dynamic, 256)
     for (std::int64_t k = 0; k < n; k++) {
-      const Point &a = fine_.points[edges[k].a], &b = fine_.points[edges[k].b];
-      const double length = (a - b).norm();
+      const auto [a, b] = ends_of(edges[k]);
+      const Point &from = fine_.points[a], &to = fine_.points[b];
+      const double length = (from - to).norm();
       divide[k] =
-          length > kCoarse * diagonal_ || (length > kFine * diagonal_ && bends(edges[k], (a + b) / 2));
+          length > kCoarse * diagonal_ || (length > kFine * diagonal_ && bends(a, b, (from + to) / 2));
     }
+    Middles middles;
     for (std::int64_t k = 0; k < n; k++) {
       if (!divide[k]) continue;
-      edges[k].middle = std::uint32_t(fine_.points.size());
-      fine_.points.push_back((fine_.points[edges[k].a] + fine_.points[edges[k].b]) / 2);
+      const auto [a, b] = ends_of(edges[k]);
+      middles.emplace(edges[k], std::uint32_t(fine_.points.size()));
+      fine_.points.push_back((fine_.points[a] + fine_.points[b]) / 2);
     }
-    return edges;
+    return middles;
   }
 
   // Into 2, 3 or 4 triangles, which may be divided further, or none.
-  void divide(const Triangle& t, const std::vector<Edge>& edges, std::vector<Triangle>& next) {
-    std::array<std::uint32_t, 3> m;  // the middles of its edges, or its corner where there is none
+  void divide(const Corners& t, const Middles& middles, std::vector<Corners>& next) {
+    Corners m;  // the middles of its edges, or its corner where there is none
     int first = -1, count = 0;
     for (int k = 0; k < 3; k++) {
-      const auto [a, b] = std::minmax(t[k], t[(k + 1) % 3]);
-      const Edge& e = *std::lower_bound(edges.begin(), edges.end(), Edge{a, b, a});
-      m[k] = e.middle == e.a ? t[k] : e.middle;
+      const auto middle = middles.find(edge_of(t[k], t[(k + 1) % 3]));
+      m[k] = middle == middles.end() ? t[k] : middle->second;
       if (m[k] != t[k]) count++;
     }
     const auto has = [&](int k) { return m[k % 3] != t[k % 3]; };

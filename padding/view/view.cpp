@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/geometry/surface.h"
 #include "padding/input/read.h"
 
@@ -65,13 +65,8 @@ Mesh scaled_to(const Cluster& cluster, Mesh mesh, const fs::path& path) {
 // "within 0.5 %" of the diagonal.
 std::string rung_name(const Cluster& cluster, double tolerance) {
   const double diagonal = cluster.bounds.empty() ? 0 : cluster.bounds.diagonal();
-  char text[64];
-  if (diagonal > 0)
-    std::snprintf(text, sizeof text, "within %.3g %%", 100 * tolerance / diagonal);
-  else
-    std::snprintf(text, sizeof text, "within %.3g%s%s", tolerance, cluster.unit.empty() ? "" : " ",
-                  cluster.unit.c_str());
-  return text;
+  if (diagonal > 0) return "within " + short_number(100 * tolerance / diagonal, 3) + " %";
+  return "within " + short_number(tolerance, 3) + (cluster.unit.empty() ? "" : " " + cluster.unit);
 }
 
 // The cluster's own spheres have the finest tolerance of the ladder.
@@ -107,10 +102,7 @@ void add_protrusion(View& v, const std::vector<double>& most) {
 
 Box View::bounds() const {
   Box box = mesh.bounds();
-  for (std::size_t k = 0; k < size(); k++) {
-    box.add(centers[k] - Vector::Constant(radii[k]));
-    box.add(centers[k] + Vector::Constant(radii[k]));
-  }
+  for (std::size_t k = 0; k < size(); k++) box.add_ball(centers[k], radii[k]);
   return box;
 }
 

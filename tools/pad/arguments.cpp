@@ -113,12 +113,11 @@ void declare_spheres(CLI::App& app, PadArguments& a) {
   add_length(app, "--max-radius", a.options.max_radius, "no larger sphere");
   add_length(app, "--min-radius", a.options.min_radius,
              "no smaller sphere, even where the tolerance asks for it");
-  const std::map<std::string, Balance> balances{
-      {"none", Balance::none}, {"volume", Balance::volume}, {"mean", Balance::mean}};
   app.add_option("--balance", a.options.balance,
                  "within the tolerance: none (fewest, the default), volume (of the union as the mesh's), "
                  "mean (smallest means)")
-      ->transform(CLI::CheckedTransformer(balances))
+      ->transform(
+          CLI::CheckedTransformer(std::map<std::string, Balance>(std::begin(kBalances), std::end(kBalances))))
       ->type_name("WHAT");
   app.add_option("--smooth", a.options.smooth, "mean normal error asked for, degrees")
       ->check(decimal())
@@ -146,11 +145,9 @@ void declare_asset(CLI::App& app, PadArguments& a) {
       ->capture_default_str()
       ->check(decimal())
       ->check(CLI::Range(1., 180.));
-  const std::map<std::string, RepairMode> modes{
-      {"auto", RepairMode::automatic}, {"union", RepairMode::united}, {"fill", RepairMode::fill},
-      {"sheet", RepairMode::sheet},    {"never", RepairMode::never},  {"wrap", RepairMode::wrap}};
   app.add_option("--repair", a.options.repair, "auto (the default), union, fill, sheet, never or wrap")
-      ->transform(CLI::CheckedTransformer(modes))
+      ->transform(CLI::CheckedTransformer(
+          std::map<std::string, RepairMode>(std::begin(kRepairModes), std::end(kRepairModes))))
       ->type_name("MODE");
   add_length(app, "--thickness", a.options.thickness, "of sheets, half on either side (default 0)");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")

@@ -69,18 +69,9 @@ bool type_fits(const Array& a, Kind kind) {
 }
 
 const char* type_said(Kind kind) {
-  switch (kind) {
-    case Kind::real:
-      return "float32 or float64";
-    case Kind::wide:
-      return "float64";
-    case Kind::bits:
-      return "uint32";
-    case Kind::whole:
-      return "int64 or uint64";
-    default:
-      return "bool, uint8 or int8";
-  }
+  constexpr const char* said[] = {"float32 or float64", "float64", "uint32", "int64 or uint64",
+                                  "bool, uint8 or int8"};
+  return said[static_cast<std::size_t>(kind)];
 }
 
 Array from_cuda(const py::object& object, const char* name) {

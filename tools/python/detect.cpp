@@ -259,27 +259,20 @@ class PyDetector {
  public:
   PyDetector(const std::string& width, const std::string& backend, const std::string& precision, int threads,
              int device, bool history = false) {
-    detect::DeviceChoice choice{detect::BackendKind::automatic, device};
+    using detect::BackendKind, detect::Precision, detect::Width;
+    static constexpr std::pair<const char*, Width> widths[] = {
+        {"pairs", Width::pairs}, {"normals", Width::normals}, {"points", Width::points}};
+    static constexpr std::pair<const char*, BackendKind> backends[] = {
+        {"auto", BackendKind::automatic}, {"omp", BackendKind::omp}, {"cuda", BackendKind::cuda}};
+    static constexpr std::pair<const char*, Precision> precisions[] = {{"exact", Precision::exact},
+                                                                       {"fast", Precision::float32}};
     detect::CallOptions o;
     o.threads = threads, o.history = history;
-    if (width == "pairs")
-      o.width = detect::Width::pairs;
-    else if (width == "points")
-      o.width = detect::Width::points;
-    else if (width != "normals")
-      throw py::value_error("width must be \"pairs\", \"normals\" or \"points\"");
-    if (backend == "omp")
-      choice.backend = detect::BackendKind::omp;
-    else if (backend == "cuda")
-      choice.backend = detect::BackendKind::cuda;
-    else if (backend != "auto")
-      throw py::value_error("backend must be \"auto\", \"omp\" or \"cuda\"");
-    if (precision == "fast")
-      o.precision = detect::Precision::float32;
-    else if (precision != "exact")
-      throw py::value_error("precision must be \"exact\" or \"fast\"");
+    o.width = named(widths, width, "width must be \"pairs\", \"normals\" or \"points\"");
+    const BackendKind kind = named(backends, backend, "backend must be \"auto\", \"omp\" or \"cuda\"");
+    o.precision = named(precisions, precision, "precision must be \"exact\" or \"fast\"");
     device_ = device;
-    shared_->detector = std::make_unique<detect::Detector>(choice, o);
+    shared_->detector = std::make_unique<detect::Detector>(detect::DeviceChoice{kind, device}, o);
     if (device != 0 && this->backend() == "omp")
       throw py::value_error(
           "device " + std::to_string(device) +
@@ -294,13 +287,11 @@ class PyDetector {
     return {shared_, contacts, device_};
   }
   PyWorldAnswers worlds(std::uint32_t count, const std::string& answer, const Scene& scene, double margin) {
-    detect::Answer what = detect::Answer::any;
-    if (answer == "count")
-      what = detect::Answer::count;
-    else if (answer == "distance")
-      what = detect::Answer::distance;
-    else if (answer != "any")
-      throw py::value_error("answer must be \"any\", \"count\" or \"distance\"");
+    static constexpr std::pair<const char*, detect::Answer> kinds[] = {
+        {"any", detect::Answer::any},
+        {"count", detect::Answer::count},
+        {"distance", detect::Answer::distance}};
+    const auto what = named(kinds, answer, "answer must be \"any\", \"count\" or \"distance\"");
     detect::WorldAnswers answers;
     call(scene, margin,
          [&](detect::Detector& d, const Request& in) { answers = d.detect_worlds(in.input, count, what); });
@@ -359,11 +350,6 @@ bodies: Bodies. Spheres are numbered in this order: those of bodies[0], of bodie
 NumPy arrays, and device arrays that offer __cuda_array_interface__ or DLPack, are read where they lie, and the contacts lie in
 the same memory. Do not write to the arrays during the call. Other Python threads can run during the call.
 )";
-
-}  // namespace
-
-namespace {
-
 constexpr const char* kRevisionSaid =
     R"(revision: a number other than 0 that names a version of the bodies and the static spheres. If it is that of the previous
 call, only the poses of the bodies that `moved` lists, (M,) numbers, are read again. Give a new one if anything else changes.

@@ -5,6 +5,8 @@
 #include <pybind11/pybind11.h>
 
 #include <memory>
+#include <string>
+#include <utility>
 
 #include "padding/asset/cluster.h"
 #include "padding/asset/mesh.h"
@@ -24,5 +26,13 @@ void add_detect(pybind11::module_& module);  // detect.cpp: Contacts, Detector, 
 // The mesh of two arrays, or of one object with .vertices and .faces (pad.cpp). Throws TypeError and
 // ValueError.
 Mesh given_mesh(const py::object& vertices, const py::object& faces);
+
+// The value that has this name. Throws ValueError with the refusal where none has.
+template <class Value, std::size_t N>
+Value named(const std::pair<const char*, Value> (&names)[N], const std::string& given, const char* refusal) {
+  for (const auto& [name, value] : names)
+    if (given == name) return value;
+  throw py::value_error(refusal);
+}
 
 }  // namespace padder::python

@@ -118,13 +118,16 @@ T cast_of(const py::object& given, const std::string& name) {
 
 // The options that are given by their names only.
 void take_more(PadOptions& o, const py::kwargs& more) {
+  const std::map<std::string, Length*> lengths = {{"min_radius", &o.min_radius},
+                                                  {"max_radius", &o.max_radius},
+                                                  {"reach", &o.min_grain_radius},
+                                                  {"thickness", &o.thickness}};
   for (const auto& [key, given] : more) {
     const auto name = py::cast<std::string>(key);
     const auto value = py::reinterpret_borrow<py::object>(given);
     if (name == "balance") {
-      const auto balance = balance_of(cast_of<std::string>(value, name));
-      if (!balance) throw py::value_error("balance must be \"none\", \"volume\" or \"mean\"");
-      o.balance = *balance;
+      o.balance = named(kBalances, cast_of<std::string>(value, name),
+                        "balance must be \"none\", \"volume\" or \"mean\"");
     } else if (name == "effort") {
       o.effort = cast_of<Whole<int>>(value, name);
     } else if (name == "smooth") {
@@ -132,14 +135,8 @@ void take_more(PadOptions& o, const py::kwargs& more) {
     } else if (name == "lod") {
       for (const auto& rung : value)
         o.lod.push_back(length_of(py::reinterpret_borrow<py::object>(rung), "lod"));
-    } else if (name == "min_radius") {
-      o.min_radius = length_of(value, "min_radius");
-    } else if (name == "max_radius") {
-      o.max_radius = length_of(value, "max_radius");
-    } else if (name == "reach") {
-      o.min_grain_radius = length_of(value, "reach");
-    } else if (name == "thickness") {
-      o.thickness = length_of(value, "thickness");
+    } else if (const auto found = lengths.find(name); found != lengths.end()) {
+      *found->second = length_of(value, found->first.c_str());
     } else if (name == "force") {
       o.force = cast_of<bool>(value, name);
     } else {
@@ -160,18 +157,8 @@ PadOptions options_of(const py::object& depth, const py::object& tolerance, cons
   o.tolerance = length_of(tolerance, "tolerance");
   o.edge_length = length_of(edge_length, "edge_length");
   o.max_spheres = max_spheres, o.sharp_angle = sharp_angle, o.family = family, o.mask = mask;
-  if (repair == "never")
-    o.repair = RepairMode::never;
-  else if (repair == "wrap")
-    o.repair = RepairMode::wrap;
-  else if (repair == "union")
-    o.repair = RepairMode::united;
-  else if (repair == "fill")
-    o.repair = RepairMode::fill;
-  else if (repair == "sheet")
-    o.repair = RepairMode::sheet;
-  else if (repair != "auto")
-    throw py::value_error("repair must be \"auto\", \"union\", \"fill\", \"sheet\", \"never\" or \"wrap\"");
+  o.repair = named(kRepairModes, repair,
+                   "repair must be \"auto\", \"union\", \"fill\", \"sheet\", \"never\" or \"wrap\"");
   try {
     check(o);
   } catch (const Error& e) {  // an argument is at fault, before any mesh is looked at
@@ -188,15 +175,14 @@ py::array vector_of(const Vector& v) {
   return a;
 }
 
-void save_cluster(const Cluster& c, const std::filesystem::path& path, const std::string& format,
-                  double density) {
+void save_model(const Model& model, const std::filesystem::path& path, const std::string& format,
+                double density) {
   if (!(density > 0) || !std::isfinite(density)) throw py::value_error("density must be positive");
   if (path.has_parent_path()) need_file(path.parent_path());
-  if (format.empty() && path.extension() == ".json")
-    write_cluster(c, path);
-  else
-    for (const std::string& told : write_model(model_of(c), path, find_format(path, format), {density}))
-      if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
+  if (format.empty() && path.extension() == ".json" && !model.robot())
+    return write_cluster(model.bodies[0].cluster, path);
+  for (const std::string& told : write_model(model, path, find_format(path, format), {density}))
+    if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
 }
 
 // The names of a cluster, and the arrays of its spheres, which are views of the cluster's memory.
@@ -260,7 +246,12 @@ void add_cluster(py::module_& m) {
                         return std::make_shared<Cluster>(cluster_from_json(text, "a pickled cluster"));
                       }))
       .def("to_json", [](const Cluster& c) { return to_json(c); })
-      .def("save", &save_cluster, "path"_a, "format"_a = "", "density"_a = 1000.0);
+      .def(
+          "save",
+          [](const Cluster& c, const std::filesystem::path& path, const std::string& format, double density) {
+            save_model(model_of(c), path, format, density);
+          },
+          "path"_a, "format"_a = "", "density"_a = 1000.0);
 }
 
 void add_load(py::module_& m) {
@@ -367,12 +358,7 @@ void add_robot(py::module_& m) {
       .def(
           "save",
           [](const PaddedRobot& r, const std::filesystem::path& path, const std::string& format,
-             double density) {
-            if (!(density > 0) || !std::isfinite(density)) throw py::value_error("density must be positive");
-            if (path.has_parent_path()) need_file(path.parent_path());
-            for (const std::string& told : write_model(r.model, path, find_format(path, format), {density}))
-              if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
-          },
+             double density) { save_model(r.model, path, format, density); },
           "path"_a, "format"_a = "", "density"_a = 1000.0);
   m.def(
       "pad_urdf",

@@ -61,10 +61,7 @@ Part part_of(const MakeOptions& o, const char* hint) {
                 ": pad it with --unit m");
   if (!(p.cluster.mass.volume > 0))
     throw Error(o.cluster.string() + ": the cluster has no mass: pad it from a closed mesh");
-  for (std::size_t k = 0; k < p.cluster.size(); k++) {
-    const Vector r = Vector::Constant(p.cluster.radii[k]);
-    p.box.add(p.cluster.centers[k] - r), p.box.add(p.cluster.centers[k] + r);
-  }
+  for (std::size_t k = 0; k < p.cluster.size(); k++) p.box.add_ball(p.cluster.centers[k], p.cluster.radii[k]);
   p.volume = p.cluster.mass.volume;
   return p;
 }

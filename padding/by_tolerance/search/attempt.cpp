@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
-#include <numeric>
 
 #include "padding/by_tolerance/search/block_search.h"
+#include "padding/geometry/indices.h"
 
 namespace padder {
 namespace {
@@ -53,11 +53,9 @@ void Attempt::try_places(const BallGrower& grower, int places) {
   const std::size_t tried = problem.candidates().size();
   if (tried > kMostTriedInAll || tried > kMostTried * chosen.size()) {
     problem.keep(chosen);
-    std::iota(chosen.begin(), chosen.end(), 0u);
+    chosen = numbered(chosen.size());
   }
-  std::vector<std::uint32_t> all(chosen.size());
-  std::iota(all.begin(), all.end(), 0u);
-  try_places(grower, places, all);
+  try_places(grower, places, numbered(chosen.size()));
 }
 
 // `around`: places in `chosen`.

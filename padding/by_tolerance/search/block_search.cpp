@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "padding/geometry/indices.h"
 #include "padding/geometry/random.h"
 
 namespace padder {
@@ -99,8 +100,7 @@ std::vector<std::uint32_t> improve_in_blocks(const Sets& sets, std::size_t eleme
   }
   cover.clear();
   for (const auto& block : blocks) cover.insert(cover.end(), block.begin(), block.end());
-  std::sort(cover.begin(), cover.end());
-  cover.erase(std::unique(cover.begin(), cover.end()), cover.end());
+  sort_unique(cover);
   return cover;
 }
 

@@ -2,10 +2,10 @@
 #include "padding/by_tolerance/search/close_gaps.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include "padding/by_tolerance/search/centre.h"
 #include "padding/by_tolerance/search/open_pieces.h"
+#include "padding/geometry/indices.h"
 #include "padding/geometry/point_tree.h"
 
 namespace padder {
@@ -23,22 +23,12 @@ constexpr double kGapMargin = 0.003;  // of their points: share of the tolerance
 bool refine(CoverProblem& problem, const BallGrower& grower, const std::vector<GapPart>& failures,
             CoverProblem* also) {
   const double tolerance_sum = grower.limits().tolerance_sum;
-  std::vector<std::uint32_t> order(failures.size());
-  std::iota(order.begin(), order.end(), 0u);
+  std::vector<std::uint32_t> order = numbered(failures.size());
   std::stable_sort(order.begin(), order.end(),
                    [&](auto a, auto b) { return failures[a].value > failures[b].value; });
   std::vector<Point> points;
   for (const GapPart& part : failures) points.push_back(part.point);
-  const PointTree tree(points);
-  std::vector<char> gone(failures.size());
-  std::vector<std::uint32_t> near, taken;
-  for (auto k : order) {
-    if (gone[k]) continue;
-    taken.push_back(k);
-    near.clear();
-    tree.find(points[k], kSpacing * tolerance_sum, near);
-    for (auto other : near) gone[other] = 1;
-  }
+  const std::vector<std::uint32_t> taken = sparse(points, order, kSpacing * tolerance_sum);
   std::vector<Ball> medials(taken.size());
 #pragma omp parallel for schedule(dynamic, 16) if (taken.size() > 32)
   for (std::size_t k = 0; k < taken.size(); k++)

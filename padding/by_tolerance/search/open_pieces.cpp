@@ -7,7 +7,7 @@
 #include <set>
 
 #include "padding/by_tolerance/search/samples.h"
-#include "padding/geometry/triangle_part.h"
+#include "padding/geometry/triangle.h"
 
 namespace padder {
 
@@ -53,7 +53,7 @@ void OpenPieces::cut(const BallSet& balls) {
   FirstOfCell first_of_cell;
   for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++) {
     const Vector normal = mesh_.area_normal(t);
-    stack.push_back({{mesh_.corner(t, 0), mesh_.corner(t, 1), mesh_.corner(t, 2)}, t});
+    stack.push_back({mesh_.corners(t), t});
     for (bool whole = true; !stack.empty(); whole = false) {
       const TrianglePart part = stack.back();
       stack.pop_back();
@@ -87,11 +87,8 @@ void OpenPieces::reopen(const std::vector<Ball>& balls) {
 #pragma omp parallel for schedule(static) if (state_.size() > 4096)
   for (std::size_t k = 0; k < state_.size(); k++) {
     if (state_[k] != State::proved) continue;
-    const auto& at = pieces_;
-    const Point center = (at.corner(k, 0) + at.corner(k, 1) + at.corner(k, 2)) / 3;
-    double radius2 = 0;
-    for (int c = 0; c < 3; c++) radius2 = std::max(radius2, (at.corner(k, c) - center).squaredNorm());
-    if (set.any_contains(center, -(std::sqrt(radius2) + gap_ + 1e-9))) state_[k] = State::open;
+    const TrianglePart piece{pieces_.corners(k)};
+    if (set.any_contains(piece.centroid(), -(piece.radius() + gap_ + 1e-9))) state_[k] = State::open;
   }
 }
 

@@ -10,7 +10,7 @@
 #include "padding/geometry/medial.h"
 #include "padding/geometry/point_tree.h"
 #include "padding/geometry/random.h"
-#include "padding/geometry/triangle_part.h"
+#include "padding/geometry/triangle.h"
 
 namespace padder {
 namespace {
@@ -169,8 +169,7 @@ class Sampler {
     for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
       const Vector normal = mesh.area_normal(t);  // as long as twice the area
       if (!(normal.squaredNorm() > 0)) continue;
-      const SamplePart part{
-          {{mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)}, static_cast<std::uint32_t>(t)}};
+      const SamplePart part{{mesh.corners(t), static_cast<std::uint32_t>(t)}};
       const double size = part.size();
       if (size > finest && normal.norm() < 0.25 * finest * size)
         slivers.add(part, normal, done);

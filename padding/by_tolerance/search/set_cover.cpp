@@ -12,24 +12,35 @@ namespace {
 
 constexpr std::uint32_t kNowhere = 0xffffffffu;
 
+void smallest_first(const Sets& sets, std::vector<std::uint32_t>& order) {
+  std::sort(order.begin(), order.end(), [&](auto s, auto t) {
+    return sets[s].size() != sets[t].size() ? sets[s].size() < sets[t].size() : s < t;
+  });
+}
+
 }  // namespace
 
-SetCover::SetCover(const Sets& sets, std::size_t elements) : sets_(sets) {
-  element_begin_.assign(elements + 1, 0);
-  for (auto r : sets.elements) element_begin_[r + 1]++;
-  std::partial_sum(element_begin_.begin(), element_begin_.end(), element_begin_.begin());
-  element_sets_.resize(sets.elements.size());
-  std::vector<std::uint64_t> at(element_begin_.begin(), element_begin_.end() - 1);
+Sets transposed(const Sets& sets, std::size_t elements) {
+  Sets out;
+  out.begin.assign(elements + 1, 0);
+  for (auto r : sets.elements) out.begin[r + 1]++;
+  std::partial_sum(out.begin.begin(), out.begin.end(), out.begin.begin());
+  out.elements.resize(sets.elements.size());
+  std::vector<std::uint64_t> at(out.begin.begin(), out.begin.end() - 1);
   for (std::uint32_t s = 0; s < sets.size(); s++)
-    for (auto r : sets[s]) element_sets_[at[r]++] = s;
+    for (auto r : sets[s]) out.elements[at[r]++] = s;
+  return out;
+}
 
+SetCover::SetCover(const Sets& sets, std::size_t elements)
+    : sets_(sets), sets_of_(transposed(sets, elements)) {
   set_.assign(sets.size(), {0, kNowhere});
   gain_.resize(sets.size());
   for (std::size_t s = 0; s < sets.size(); s++)
     gain_[s] = {2 * static_cast<std::int32_t>(sets[s].size()) + 1};
   element_.assign(elements, {1, 0, 0, kNowhere});
   for (std::uint32_t r = 0; r < elements; r++)
-    if (!sets_of(r).empty())
+    if (!sets_of_[r].empty())
       element_[r].place = static_cast<std::uint32_t>(uncovered_.size()), uncovered_.push_back(r);
 }
 
@@ -40,7 +51,7 @@ void SetCover::add(std::uint32_t set) {
   for (auto r : sets_[set]) {
     Element& element = element_[r];
     if (element.count == 0) {
-      for (auto other : sets_of(r)) gain_[other].change_and_allow(-element.weight);
+      for (auto other : sets_of_[r]) gain_[other].change_and_allow(-element.weight);
       gain_[set].change(element.weight);
       const auto last = uncovered_.back();
       uncovered_[element.place] = last, element_[last].place = element.place;
@@ -61,7 +72,7 @@ void SetCover::remove(std::uint32_t set) {
     Element& element = element_[r];
     element.count--, element.sum -= set;
     if (element.count == 0) {
-      for (auto other : sets_of(r)) gain_[other].change_and_allow(element.weight);
+      for (auto other : sets_of_[r]) gain_[other].change_and_allow(element.weight);
       gain_[set].change(-element.weight);
       element.place = static_cast<std::uint32_t>(uncovered_.size());
       uncovered_.push_back(r);
@@ -100,9 +111,7 @@ void SetCover::greedy(std::span<const std::uint32_t> start) {
 // Removes sets that lose nothing when they go, the smallest first.
 void SetCover::drop_needless() {
   std::vector<std::uint32_t> order = chosen_;
-  std::sort(order.begin(), order.end(), [&](auto s, auto t) {
-    return sets_[s].size() != sets_[t].size() ? sets_[s].size() < sets_[t].size() : s < t;
-  });
+  smallest_first(sets_, order);
   for (auto s : order)
     if (gain_[s].score() == 0) remove(s);
 }
@@ -137,17 +146,17 @@ void SetCover::improve(std::uint64_t steps, std::uint64_t seed) {
     while (!uncovered_.empty() && chosen_.size() + 1 < best_.size()) {
       const auto element = uncovered_[random.below(uncovered_.size())];
       std::uint32_t pick = kNowhere;
-      for (auto s : sets_of(element)) {
+      for (auto s : sets_of_[element]) {
         if (!gain_[s].may_add()) continue;
         if (pick == kNowhere || gain_[s].score() > gain_[pick].score() ||
             (gain_[s].score() == gain_[pick].score() && set_[s].stamp < set_[pick].stamp))
           pick = s;
       }
-      if (pick == kNowhere) pick = sets_of(element)[0];
+      if (pick == kNowhere) pick = sets_of_[element][0];
       add(pick), set_[pick].stamp = step_, fresh = pick;
       for (auto r : uncovered_) {
         element_[r].weight++;
-        for (auto s : sets_of(r)) gain_[s].change(1);
+        for (auto s : sets_of_[r]) gain_[s].change(1);
       }
     }
   }
@@ -182,10 +191,7 @@ std::vector<std::uint32_t> complete(const Sets& sets, std::size_t elements,
     chosen.push_back(global[k]);
     for (const auto r : sets[global[k]]) count[r]++;
   }
-  // Drops what the others make needless, the smallest first.
-  std::sort(chosen.begin(), chosen.end(), [&](auto s, auto t) {
-    return sets[s].size() != sets[t].size() ? sets[s].size() < sets[t].size() : s < t;
-  });
+  smallest_first(sets, chosen);  // so as to drop what the others make needless
   std::erase_if(chosen, [&](auto s) {
     const auto all = sets[s];
     if (std::any_of(all.begin(), all.end(), [&](auto r) { return count[r] == 1; })) return false;

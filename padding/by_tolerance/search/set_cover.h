@@ -24,6 +24,9 @@ struct Sets {
   }
 };
 
+// For each element the sets that contain it, ascending.
+Sets transposed(const Sets& sets, std::size_t elements);
+
 // A search over covers. Elements that no set contains are ignored. There may be at most 2^32 - 2 sets and as
 // many elements. The result depends on the input and the seed only.
 class SetCover {
@@ -69,10 +72,6 @@ class SetCover {
     std::uint32_t place;  // in uncovered_, or `nowhere`
   };
 
-  std::span<const std::uint32_t> sets_of(std::uint32_t element) const {
-    return {element_sets_.data() + element_begin_[element],
-            element_sets_.data() + element_begin_[element + 1]};
-  }
   void add(std::uint32_t set);
   void remove(std::uint32_t set);
   void drop_needless();
@@ -80,8 +79,7 @@ class SetCover {
   std::uint32_t cheapest(std::uint32_t tabu) const;
 
   const Sets& sets_;
-  std::vector<std::uint64_t> element_begin_;  // for each element, the sets that contain it
-  std::vector<std::uint32_t> element_sets_;
+  const Sets sets_of_;      // for each element, the sets that contain it
   std::vector<Gain> gain_;  // of each set
   std::vector<Set> set_;
   std::vector<Element> element_;

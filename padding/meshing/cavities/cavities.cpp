@@ -73,25 +73,25 @@ class CavityFinder {
     };
     const std::size_t units = inward_.size();
     const auto is_inward = [&](std::uint32_t t) { return unit_[t] < units && inward_[unit_[t]]; };
-    std::vector<double> area(units, 0), sum(units, 0);
+    std::vector<double> area(units, 0);
     struct Count {
       std::size_t all = 0, outside = 0, walls = 0, deep = 0;
     };
     std::vector<Count> count(units);
     for (std::uint32_t t = 0; t < unit_.size(); t++)
       if (is_inward(t) && meets[unit_[t]]) area[unit_[t]] += soup_.area_normal(t).norm();
+    std::vector<EvenSteps> steps;
+    for (const double a : area) steps.emplace_back(a, wanted);
     std::vector<Probe> probes;
     Random random(1);
     for (std::uint32_t t = 0; t < unit_.size(); t++) {
       const auto u = unit_[t];
       if (!is_inward(t) || !(area[u] > 0)) continue;
       const Vector normal = soup_.area_normal(t);
-      for (sum[u] += normal.norm(); double(count[u].all) + 0.5 < sum[u] / area[u] * wanted; count[u].all++) {
-        const double r = std::sqrt(random.uniform()), s = random.uniform();
-        const Point p =
-            (1 - r) * soup_.corner(t, 0) + r * ((1 - s) * soup_.corner(t, 1) + s * soup_.corner(t, 2));
-        probes.push_back({u, p, normal.normalized()});
-      }
+      const std::size_t more = steps[u].next(normal.norm());
+      for (std::size_t k = 0; k < more; k++)
+        probes.push_back({u, random_point(random, soup_.corners(t)), normal.normalized()});
+      count[u].all += more;
     }
     const auto in_others = [&](const Point& p) {
       const auto skip = [&](std::uint32_t t) { return roles_[t] == TriangleRole::sheet || is_inward(t); };

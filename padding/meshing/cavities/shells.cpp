@@ -24,19 +24,14 @@ struct ShellDistance {
 ShellDistance distance_between(const Mesh& mesh, const std::vector<std::uint32_t>& shell,
                                const Surface& other) {
   constexpr std::size_t wanted = 256;
-  double area = 0, sum = 0;
-  for (const auto t : shell) area += mesh.area_normal(t).norm();
+  EvenSteps steps(area_of(mesh, shell), wanted);
   ShellDistance out;
-  std::size_t asked = 0;
-  for (const auto t : shell) {  // at even steps of the area
-    sum += mesh.area_normal(t).norm();
-    const std::size_t before = asked;
-    while (double(asked) + 0.5 < sum / area * wanted && asked < wanted) asked++;
-    if (asked == before) continue;
-    const Point &a = mesh.corner(t, 0), &b = mesh.corner(t, 1), &c = mesh.corner(t, 2);
-    const double weight = double(asked - before) / wanted;
-    for (const Point& p : {a, b, c}) out.corners += weight * other.nearest(p).distance / 3;
-    out.middles += weight * other.nearest((a + b + c) / 3).distance;
+  for (const auto t : shell) {
+    const std::size_t asked = steps.next(mesh.area_normal(t).norm());
+    if (asked == 0) continue;
+    const double weight = double(asked) / wanted;
+    for (const Point& p : mesh.corners(t)) out.corners += weight * other.nearest(p).distance / 3;
+    out.middles += weight * other.nearest(mesh.middle(t)).distance;
   }
   return out;
 }
@@ -46,9 +41,7 @@ ShellDistance distance_between(const Mesh& mesh, const std::vector<std::uint32_t
 bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles, double between,
              const std::function<bool(std::uint32_t)>& other) {
   const Mesh& mesh = surface.mesh();
-  double area = 0;
-  for (const auto t : triangles) area += mesh.area_normal(t).norm();
-  const double width = between * std::abs(signed_volume(mesh, triangles)) / area;
+  const double width = between * std::abs(signed_volume(mesh, triangles)) / area_of(mesh, triangles);
   const auto follows = [&](const Point& p) {
     bool near = false;
     surface.visit({p - Vector::Constant(width), p + Vector::Constant(width)},
@@ -56,8 +49,7 @@ bool is_copy(const Surface& surface, const std::vector<std::uint32_t>& triangles
     return near;
   };
   return std::all_of(triangles.begin(), triangles.end(), [&](std::uint32_t t) {
-    const Point &a = mesh.corner(t, 0), &b = mesh.corner(t, 1), &c = mesh.corner(t, 2);
-    return follows(a) && follows(b) && follows(c) && follows((a + b + c) / 3);
+    return std::ranges::all_of(mesh.corners(t), follows) && follows(mesh.middle(t));
   });
 }
 
@@ -67,7 +59,7 @@ std::vector<std::uint32_t> shells_around(const Surface& surface, const std::vect
   const Mesh& mesh = surface.mesh();
   const auto t = shell[0], own = shell_of[t];
   // Others may have its corners and edges.
-  const Point p = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
+  const Point p = mesh.middle(t);
   std::map<std::uint32_t, int> windings;  // of each shell
   const auto left_out = [&](std::uint32_t s) { return shell_of[s] == own || skip(s); };
   std::vector<std::uint32_t> around;

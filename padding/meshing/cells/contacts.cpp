@@ -14,10 +14,6 @@
 namespace padder {
 namespace {
 
-std::uint64_t edge_of(std::uint32_t u, std::uint32_t v) {
-  return std::uint64_t(std::min(u, v)) << 32 | std::max(u, v);
-}
-
 int axis_across(const Mesh& mesh, std::uint32_t t) {
   int axis;
   mesh.area_normal(t).cwiseAbs().maxCoeff(&axis);
@@ -272,13 +268,11 @@ class Fan {
       std::vector<Vector> ends;
       for (const auto v : mesh.triangles[t])
         if (v != tip_) ends.push_back((mesh.points[v] - mesh.points[tip_]).normalized());
-      const auto first = static_cast<std::uint32_t>(arcs.points.size());
       const double apart = 1 + ends[0].dot(ends[1]);
       if (apart > 0.1)
-        arcs.points.insert(arcs.points.end(), {ends[0], ends[1], (ends[0] + ends[1]) / apart});
+        arcs.add({ends[0], ends[1], (ends[0] + ends[1]) / apart});
       else
-        arcs.points.insert(arcs.points.end(), {ends[0], Vector::Constant(-1), Vector::Constant(1)});
-      arcs.triangles.push_back({first, first + 1, first + 2});
+        arcs.add({ends[0], Vector::Constant(-1), Vector::Constant(1)});
     }
     return arcs;
   }
@@ -397,7 +391,7 @@ class FoldTest {
 
   bool is_fold(std::uint32_t s, std::uint32_t t) const {
     const Corners &from = mesh_.triangles[s], &to = mesh_.triangles[t];
-    const Point middle = (mesh_.corner(s, 0) + mesh_.corner(s, 1) + mesh_.corner(s, 2)) / 3;
+    const Point middle = mesh_.middle(s);
     const auto leaves = [&](std::uint32_t v) { return (mesh_.points[v] - middle).squaredNorm() > size2_; };
     if (std::any_of(from.begin(), from.end(), leaves) || std::any_of(to.begin(), to.end(), leaves))
       return false;

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <set>
 
+#include "padding/geometry/indices.h"
 #include "padding/meshing/cgal_mesh.h"
 
 namespace padder {
@@ -55,8 +56,7 @@ class TriangleCutter {
     std::vector<std::uint32_t> all = round;
     for (const TriangleCut& cut : cuts)
       for (const auto v : cut.point) insert(v), all.push_back(v);
-    std::sort(all.begin(), all.end());
-    all.erase(std::unique(all.begin(), all.end()), all.end());
+    sort_unique(all);
     std::set<std::array<std::uint32_t, 2>> done;
     for (const TriangleCut& cut : cuts) {
       if (on_one_edge(cut) || cut.point[0] == cut.point[1]) continue;

@@ -10,6 +10,8 @@
 #include <limits>
 #include <utility>
 
+#include "padding/geometry/indices.h"
+
 namespace padder {
 namespace {
 
@@ -56,9 +58,7 @@ std::pair<Number, Number> distances(const Point& p, const Point& q, const Met& m
 }  // namespace
 
 Point place_of(const MeetingPoint& meeting, const Mesh& soup, double near) {
-  const auto end = [&](std::uint64_t edge, int k) {
-    return soup.points[k ? edge & 0xffffffffu : edge >> 32];
-  };
+  const auto end = [&](std::uint64_t edge, std::size_t k) { return soup.points[ends_of(edge)[k]]; };
   const Point p = end(meeting.what, 0), q = end(meeting.what, 1);
   Met met{(meeting.with & MeetingPoint::kTriangle) != 0, {}, {}, {}};
   if (met.triangle) {

@@ -12,7 +12,7 @@
 #include <unordered_set>
 #include <utility>
 
-#include "padding/geometry/random.h"
+#include "padding/geometry/point_tree.h"
 #include "padding/geometry/surface.h"
 #include "padding/meshing/cells/meeting_place.h"
 #include "padding/meshing/pieces.h"
@@ -122,7 +122,7 @@ class Cutter {
         for (int k = 0; k < 2; k++) {
           if (c.place[k] < 3 || c.place[k] >= 6) continue;
           const std::uint64_t edge = edge_of(t, c.place[k] - 3);
-          const auto from = static_cast<std::uint32_t>(edge >> 32), to = static_cast<std::uint32_t>(edge);
+          const auto [from, to] = ends_of(edge);
           if (c.point[k] == from || c.point[k] == to) continue;
           const Vector along = soup_.points[to] - soup_.points[from];
           on_edges_.push_back({edge, along.dot(points_[c.point[k]] - soup_.points[from]), c.point[k]});
@@ -175,8 +175,7 @@ class Cutter {
   }
 
   std::uint64_t edge_of(std::uint32_t t, int k) const {
-    const auto u = soup_.triangles[t][k], v = soup_.triangles[t][(k + 1) % 3];
-    return std::uint64_t(std::min(u, v)) << 32 | std::max(u, v);
+    return padder::edge_of(soup_.triangles[t][k], soup_.triangles[t][(k + 1) % 3]);
   }
 
   void mark_overlaps() {
@@ -239,13 +238,11 @@ class Cutter {
   // Regions: triangles that nothing meets and that hang together, and the regions of each cut triangle.
   void find_regions() {
     const auto n = static_cast<std::uint32_t>(soup_.triangles.size());
-    std::vector<std::uint32_t> parent(n);
-    std::iota(parent.begin(), parent.end(), 0u);
+    std::vector<std::uint32_t> parent = numbered(n);
     const std::vector<Side> sides = sides_of(soup_, parent);
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
       const auto s = sides[begin].triangle, t = sides[end - 1].triangle;
-      if (run_on(sides, begin, end) && piece_of_[s] == kNone && piece_of_[t] == kNone)
-        parent[root_of(parent, s)] = root_of(parent, t);
+      if (run_on(sides, begin, end) && piece_of_[s] == kNone && piece_of_[t] == kNone) join(parent, s, t);
     });
     region_of_.assign(n, kNone);
     for (std::uint32_t t = 0; t < n; t++) {
@@ -256,7 +253,7 @@ class Cutter {
       auto& region = region_of_[root_of(parent, t)];
       if (region == kNone) region = new_region(t, Point::Zero(), -1);
       Region& r = regions_[region];
-      if (room > r.room) r.room = room, r.triangle = t, r.place = (a + b + c) / 3;
+      if (room > r.room) r.room = room, r.triangle = t, r.place = soup_.middle(t);
     }
     for (std::uint32_t t = 0; t < n; t++)
       if (piece_of_[t] == kNone) region_of_[t] = region_of_[root_of(parent, t)];
@@ -265,7 +262,7 @@ class Cutter {
       for (std::size_t r = 0; r < pieces_[k].places.size(); r++)
         new_region(cut_[k], pieces_[k].places[r], pieces_[k].room[r]);
     }
-    join(sides);
+    join_regions(sides);
   }
 
   // Does the surface run on over an edge, from the front of one triangle to the front of another one?
@@ -276,9 +273,8 @@ class Cutter {
 
   // Regions on both sides of an edge have the same before them, unless something touches the edge along a
   // part of it. Those of triangles that others lie on are decided one by one.
-  void join(const std::vector<Side>& sides) {
-    leader_.resize(regions_.size());
-    std::iota(leader_.begin(), leader_.end(), 0u);
+  void join_regions(const std::vector<Side>& sides) {
+    leader_ = numbered(regions_.size());
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
       const auto s = sides[begin].triangle, t = sides[end - 1].triangle;
       if (!run_on(sides, begin, end) || (piece_of_[s] == kNone && piece_of_[t] == kNone) ||
@@ -286,11 +282,8 @@ class Cutter {
         return;
       const std::vector<std::uint32_t> one = regions_along(s, sides[begin].edge),
                                        other = regions_along(t, sides[begin].edge);
-      for (std::size_t k = 0; k < one.size() && one.size() == other.size(); k++) {
-        if (one[k] == kNone || other[k] == kNone) continue;
-        const auto a = root_of(leader_, one[k]), b = root_of(leader_, other[k]);
-        leader_[std::max(a, b)] = std::min(a, b);
-      }
+      for (std::size_t k = 0; k < one.size() && one.size() == other.size(); k++)
+        if (one[k] != kNone && other[k] != kNone) join(leader_, one[k], other[k]);
     });
   }
 
@@ -329,8 +322,7 @@ class Cutter {
 
   // A ray decides on all regions that are joined. Those of some others must agree, and at least one of them.
   void decide() {
-    std::vector<std::uint32_t> joined(regions_.size());
-    std::iota(joined.begin(), joined.end(), 0u);
+    std::vector<std::uint32_t> joined = numbered(regions_.size());
     for (auto& leader : leader_) leader = leader_[leader];  // a leader stands before those that it leads
     std::stable_sort(joined.begin(), joined.end(), [&](auto a, auto b) { return leader_[a] < leader_[b]; });
     std::vector<std::size_t> begin;
@@ -412,8 +404,7 @@ class Cutter {
                          surface_.distance_to(t, r.place) < near_)
                        others.push_back(t);
                    });
-    std::sort(others.begin(), others.end());
-    others.erase(std::unique(others.begin(), others.end()), others.end());
+    sort_unique(others);
     return others.size() > before;
   }
 
@@ -445,11 +436,8 @@ class Cutter {
     };
     for (const bool bounds : {true, false}) {
       const auto keep = [&](std::uint32_t t, std::array<std::uint32_t, 3> c, Fate f) {
-        if (bounds && f == Fate::buried && roles_[t] != TriangleRole::patch) {
-          const auto first = static_cast<std::uint32_t>(out.buried.points.size());
-          for (const auto v : c) out.buried.points.push_back(points_[v]);
-          out.buried.triangles.push_back({first, first + 1, first + 2});
-        }
+        if (bounds && f == Fate::buried && roles_[t] != TriangleRole::patch)
+          out.buried.add({points_[c[0]], points_[c[1]], points_[c[2]]});
         for (auto& v : c) v = same_[v];
         if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0]) return;
         if (bounds != (f == Fate::boundary || f == Fate::turned) || f == Fate::buried || f == Fate::dropped)
@@ -474,37 +462,18 @@ class Cutter {
   // Points that were computed in two ways differ by rounding. Each new point becomes the first one near it
   // that stays.
   void join_equal_points(const std::vector<char>& used) {
-    same_.resize(points_.size());
-    std::iota(same_.begin(), same_.end(), 0u);
-    const double size = 1e-12 * soup_.bounds().diagonal();
-    using Cell = std::array<std::int64_t, 3>;
-    const auto cell = [&](const Point& p, double step) {
-      Cell c;
-      for (int k = 0; k < 3; k++) c[k] = static_cast<std::int64_t>(std::floor((p[k] + step) / size));
-      return c;
-    };
-    std::size_t slots = 1024;
-    while (slots < points_.size()) slots *= 2;
-    const auto slot = [&](const Cell& c) {
-      std::uint64_t h = 0;
-      for (const auto x : c) h = Random(h ^ static_cast<std::uint64_t>(x)).next();
-      return h & (slots - 1);
-    };
-    // Of each slot a list of the points in its cells.
-    std::vector<std::uint32_t> head(slots, kNone), next(points_.size()), slot_of(points_.size());
-#pragma omp parallel for schedule(static)
-    for (std::size_t v = 0; v < points_.size(); v++)
-      slot_of[v] = static_cast<std::uint32_t>(slot(cell(points_[v], 0)));
+    same_ = numbered(points_.size());
+    std::vector<std::uint32_t> some;
+    std::vector<Point> places;
     for (std::uint32_t v = 0; v < points_.size(); v++)
-      if (used[v]) next[v] = std::exchange(head[slot_of[v]], v);
+      if (used[v]) some.push_back(v), places.push_back(points_[v]);
+    const PointTree tree(std::move(places));
     // Calls visit(w) for the points near v that stand before it.
     const auto visit_near = [&](std::size_t v, auto&& visit) {
-      const Cell low = cell(points_[v], -1.01 * near_), high = cell(points_[v], 1.01 * near_);
-      for (auto x = low[0]; x <= high[0]; x++)
-        for (auto y = low[1]; y <= high[1]; y++)
-          for (auto z = low[2]; z <= high[2]; z++)
-            for (auto w = head[slot({x, y, z})]; w != kNone; w = next[w])
-              if (w < v && (points_[w] - points_[v]).norm() < near_) visit(w);
+      std::vector<std::uint32_t> near;
+      tree.find(points_[v], 1.01 * near_, near);
+      for (const auto k : near)
+        if (some[k] < v && (points_[some[k]] - points_[v]).norm() < near_) visit(some[k]);
     };
     std::vector<char> is_near(points_.size(), 0);
 #pragma omp parallel for schedule(static)

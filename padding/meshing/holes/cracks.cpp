@@ -4,8 +4,8 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <map>
-#include <numeric>
 #include <unordered_map>
+#include <utility>
 
 #include "padding/geometry/point_tree.h"
 
@@ -40,6 +40,25 @@ class Needs {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> count_;
 };
 
+// Some corners of a mesh, and a tree over their places.
+struct CornerTree {
+  std::vector<std::uint32_t> corners;  // ascending, each once
+  std::vector<Point> places;
+  PointTree tree;  // numbers them as `corners` does
+
+  CornerTree(const Mesh& mesh, std::vector<std::uint32_t> some) : corners(std::move(some)) {
+    sort_unique(corners);
+    for (const auto v : corners) places.push_back(mesh.points[v]);
+    tree = PointTree(places);
+  }
+};
+
+std::vector<std::uint32_t> ends_of(const std::vector<DirectedEdge>& edges) {
+  std::vector<std::uint32_t> ends;
+  for (const DirectedEdge& e : edges) ends.push_back(e.from), ends.push_back(e.to);
+  return ends;
+}
+
 }  // namespace
 
 double crack_limit(const RepairOptions& options, double diagonal) {
@@ -49,13 +68,9 @@ double crack_limit(const RepairOptions& options, double diagonal) {
 
 std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width) {
   Needs needs;
-  std::vector<std::uint32_t> border;
-  for (const DirectedEdge& e : missing) needs.add(e.from, e.to), border.push_back(e.from);
-  std::sort(border.begin(), border.end());
-  border.erase(std::unique(border.begin(), border.end()), border.end());
-  std::vector<Point> places;
-  for (const auto v : border) places.push_back(mesh.points[v]);
-  const PointTree tree(places);
+  std::vector<std::uint32_t> begins;
+  for (const DirectedEdge& e : missing) needs.add(e.from, e.to), begins.push_back(e.from);
+  const auto [border, places, tree] = CornerTree(mesh, std::move(begins));
   std::vector<CrackTriangle> patch;
   std::vector<std::uint32_t> near;
   for (const DirectedEdge& e : missing) {
@@ -110,26 +125,21 @@ std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEd
 
 SplitEdges split_edges(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
                        const std::vector<DirectedEdge>& open, double width) {
-  std::vector<std::uint32_t> ends;
-  for (const DirectedEdge& e : open) ends.push_back(e.from), ends.push_back(e.to);
-  std::sort(ends.begin(), ends.end());
-  ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+  const CornerTree open_ends(mesh, ends_of(open));
+  const std::vector<std::uint32_t>& ends = open_ends.corners;
+  const std::vector<Point>& places = open_ends.places;
   const auto is_end = [&](std::uint32_t v) { return std::binary_search(ends.begin(), ends.end(), v); };
-  std::vector<Point> places;
-  for (const auto v : ends) places.push_back(mesh.points[v]);
-  const PointTree tree(places);
   SplitEdges out{mesh};
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> on_edge;  // from its smaller vertex on
   std::vector<std::uint32_t> near;
   const std::vector<Side> sides = sides_of(mesh, triangles);
   for_edges(sides, [&](std::size_t begin, std::size_t end) {
-    const std::array e = {static_cast<std::uint32_t>(sides[begin].edge >> 32),
-                          static_cast<std::uint32_t>(sides[begin].edge)};
+    const auto e = ends_of(sides[begin].edge);
     if (!is_end(e[0]) || !is_end(e[1])) return;
     const Point& a = mesh.points[e[0]];
     const Vector along = mesh.points[e[1]] - a;
     near.clear();
-    tree.find(a + 0.5 * along, 0.5 * along.norm(), near);
+    open_ends.tree.find(a + 0.5 * along, 0.5 * along.norm(), near);
     std::vector<std::pair<double, std::uint32_t>> found;
     for (const auto k : near) {
       const double at = along.dot(places[k] - a) / along.squaredNorm(),
@@ -163,8 +173,7 @@ SplitEdges split_edges(const Mesh& mesh, const std::vector<std::uint32_t>& trian
       for (int k = 0; k < 3 && found == on_edge.end(); k++) {
         std::rotate(c.begin(), c.begin() + 1, c.end()),
             std::rotate(is_side.begin(), is_side.begin() + 1, is_side.end());
-        if (is_side[0])
-          found = on_edge.find(std::uint64_t(std::min(c[0], c[1])) << 32 | std::max(c[0], c[1]));
+        if (is_side[0]) found = on_edge.find(edge_of(c[0], c[1]));
       }
       if (found == on_edge.end()) {
         cut.push_back(c);
@@ -189,15 +198,8 @@ SplitEdges split_edges(const Mesh& mesh, const std::vector<std::uint32_t>& trian
 
 JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector<DirectedEdge>& missing,
                            double width) {
-  std::vector<std::uint32_t> border;
-  for (const DirectedEdge& e : missing) border.push_back(e.from), border.push_back(e.to);
-  std::sort(border.begin(), border.end());
-  border.erase(std::unique(border.begin(), border.end()), border.end());
-  std::vector<Point> places;
-  for (const auto v : border) places.push_back(mesh.points[v]);
-  const PointTree tree(places);
-  std::vector<std::uint32_t> to(mesh.points.size()), near;  // the first corner of those joined with it
-  std::iota(to.begin(), to.end(), 0u);
+  const auto [border, places, tree] = CornerTree(mesh, ends_of(missing));
+  std::vector<std::uint32_t> to = numbered(mesh.points.size()), near;  // the first corner of those joined
   std::vector<char> taken(border.size(), 0);
   for (std::uint32_t k = 0; k < border.size(); k++) {
     if (taken[k]) continue;

@@ -71,9 +71,8 @@ class PieceJoiner {
     bool crowded = false;
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
       crowded |= end - begin > 2;
-      if ((end - begin) % 2 == 1)
-        odd.push_back({static_cast<std::uint32_t>(sides[begin].edge >> 32),
-                       static_cast<std::uint32_t>(sides[begin].edge)});
+      const auto [from, to] = ends_of(sides[begin].edge);
+      if ((end - begin) % 2 == 1) odd.push_back({from, to});
     });
     if (!crowded) return false;
     SplitEdges split = split_edges(pieces_.mesh, loose, odd, width);
@@ -100,7 +99,7 @@ class PieceJoiner {
     if (apart < 2 || !(widest > 0)) return;
     const std::vector<DirectedEdge> missing = missing_edges(pieces_.mesh, open);
     const Mesh given = pieces_.mesh;
-    const double few = 0.01 * part_of(pieces_.mesh, open).area(), split_width = steps_.joined_width;
+    const double few = 0.01 * area_of(pieces_.mesh, open), split_width = steps_.joined_width;
     std::size_t least = missing.size() / 2 + 1;
     for (double width = crack_limit(options_, diagonal_); least > 0; width *= kJoinStep) {
       const bool last = width > 0.99 * widest;
@@ -125,8 +124,7 @@ class PieceJoiner {
     double sum = 0;
     for (const Piece& piece : pieces_.pieces) {
       if (!piece.closed) continue;
-      double area = 0;
-      for (const auto t : piece.triangles) area += pieces_.mesh.area_normal(t).norm();
+      const double area = area_of(pieces_.mesh, piece.triangles);
       if (std::abs(signed_volume(pieces_.mesh, piece.triangles)) < 0.5 * width * area) sum += area;
     }
     return sum;

@@ -18,6 +18,8 @@
 namespace padder {
 namespace {
 
+// A hole whose rim is at most this share of the diagonal is always closed.
+constexpr double kSmallHole = 0.15;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double kNarrowHole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
@@ -48,23 +50,17 @@ class PieceCloser {
  private:
   // Open pieces belong together where they share points or a crack between them is closed.
   void collect_groups(const std::vector<std::uint32_t>& open) {
-    std::vector<std::uint32_t> parent(mesh_.points.size());
-    std::iota(parent.begin(), parent.end(), 0u);
+    std::vector<std::uint32_t> parent = numbered(mesh_.points.size());
     const auto root = [&](std::uint32_t v) { return root_of(parent, v); };
-    const auto join = [&](const std::array<std::uint32_t, 3>& t) {
-      for (int k = 1; k < 3; k++) {
-        const auto a = root(t[0]), b = root(t[k]);
-        parent[std::max(a, b)] = std::min(a, b);
-      }
-    };
-    for (const auto t : open) join(mesh_.triangles[t]);
+    const auto join_corners = [&](const Corners& t) { join(parent, t[0], t[1]), join(parent, t[0], t[2]); };
+    for (const auto t : open) join_corners(mesh_.triangles[t]);
     std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
     std::vector<CrackTriangle> cracks;
     if (options_.mode != RepairMode::sheet)
       cracks = close_cracks(mesh_, missing, crack_limit(options_, diagonal_));
-    for (const CrackTriangle& crack : cracks) join(crack.triangle);
+    for (const CrackTriangle& crack : cracks) join_corners(crack.triangle);
     if (options_.mode != RepairMode::sheet) find_bridges(open, missing, root);
-    for (const auto& [a, b] : bridges_) join({a, b, b});
+    for (const auto& [a, b] : bridges_) join(parent, a, b);
 
     std::vector<std::uint32_t> group_of(mesh_.points.size(), kNone);
     for (const auto t : open) {
@@ -182,7 +178,7 @@ class PieceCloser {
     return box.diagonal();
   }
 
-  static double area_of(const Mesh& mesh, const Triangles& patch) {
+  static double patch_area(const Mesh& mesh, const Triangles& patch) {
     double area = 0;
     for (const auto& [a, b, c] : patch)
       area += 0.5 * (mesh.points[b] - mesh.points[a]).cross(mesh.points[c] - mesh.points[a]).norm();
@@ -196,9 +192,8 @@ class PieceCloser {
     for (const auto& bridge : bridges_) join_rims(group.rims, bridge);
     for (const auto& rim : group.rims) {
       group.patches.push_back(fill_rim(mesh_, rim));
-      const double length = rim_length(mesh_, rim), area = area_of(mesh_, group.patches.back());
-      const bool is_long =
-          length > options_.hole_size * diagonal_ && 4 * area > kNarrowHole * diagonal_ * length;
+      const double length = rim_length(mesh_, rim), area = patch_area(mesh_, group.patches.back());
+      const bool is_long = length > kSmallHole * diagonal_ && 4 * area > kNarrowHole * diagonal_ * length;
       group.is_long.push_back(is_long);
       if (is_long) group.opening = std::max(group.opening, 2 * std::sqrt(std::numbers::pi * area));
     }
@@ -233,9 +228,7 @@ class PieceCloser {
     }
     bool opened = false;
     for (OpenGroup& group : groups_) {
-      double area = 0;
-      for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
-      const double volume = signed_volume(mesh_, group.triangles);
+      const double area = area_of(mesh_, group.triangles), volume = signed_volume(mesh_, group.triangles);
       if (!(volume > std::max(kLeastVolume * std::pow(area, 1.5), kLeastSolid * std::pow(diagonal_, 3))))
         continue;
       group.winding = 1;
@@ -250,9 +243,8 @@ class PieceCloser {
 
   // A wall inside a body lies with its rim in that body, too, and encloses nothing but its noise.
   bool is_flat_wall(const OpenGroup& group) const {
-    double area = 0;
-    for (const auto t : group.triangles) area += mesh_.area_normal(t).norm();
-    return signed_volume(mesh_, group.triangles) <= kLeastWallVolume * std::pow(area, 1.5);
+    return signed_volume(mesh_, group.triangles) <=
+           kLeastWallVolume * std::pow(area_of(mesh_, group.triangles), 1.5);
   }
 
   // A hole that a closed piece covers needs no evidence: nothing comes in there.
@@ -264,15 +256,15 @@ class PieceCloser {
     Random random(1);
     for (std::size_t r = 0; r < group.rims.size(); r++) {
       if (!group.is_long[r]) continue;
-      const double area = area_of(mesh_, group.patches[r]);
-      double sum = 0;
+      const double area = patch_area(mesh_, group.patches[r]);
+      EvenSteps steps(area, wanted);
       std::size_t points = 0, covered = 0;
       for (const auto& triangle : group.patches[r]) {
-        sum += area_of(mesh_, {triangle});
-        for (; double(points) + 0.5 < sum / area * wanted; points++) {
-          const double x = std::sqrt(random.uniform()), y = random.uniform();
-          const Point p = (1 - x) * mesh_.points[triangle[0]] +
-                          x * ((1 - y) * mesh_.points[triangle[1]] + y * mesh_.points[triangle[2]]);
+        const std::size_t more = steps.next(patch_area(mesh_, {triangle}));
+        points += more;
+        for (std::size_t k = 0; k < more; k++) {
+          const auto& [a, b, c] = triangle;
+          const Point p = random_point(random, {mesh_.points[a], mesh_.points[b], mesh_.points[c]});
           covered += units.any_within(p, kCrackWidth * diagonal_) || units.winding_number(p).value_or(0) > 0;
         }
       }
@@ -323,24 +315,22 @@ class PieceCloser {
     constexpr std::size_t wanted = 256;
     double area = 0;
     for (std::size_t k = 0; k < group.own; k++) area += mesh_.area_normal(group.triangles[k]).norm();
-    std::vector<std::uint32_t> chosen;  // at even steps of the area
-    double sum = 0;
-    for (std::size_t k = 0; k < group.own; k++) {
-      sum += mesh_.area_normal(group.triangles[k]).norm();
-      while (double(chosen.size()) + 0.5 < sum / area * wanted && chosen.size() < wanted)
-        chosen.push_back(group.triangles[k]);
-    }
+    std::vector<std::uint32_t> chosen;
+    EvenSteps steps(area, wanted);
+    for (std::size_t k = 0; k < group.own; k++)
+      chosen.insert(chosen.end(), steps.next(mesh_.area_normal(group.triangles[k]).norm()),
+                    group.triangles[k]);
     std::vector<double> windings(chosen.size());
 #pragma omp parallel for schedule(dynamic, 8)
     for (std::size_t k = 0; k < chosen.size(); k++) {
       const auto t = chosen[k];
-      const Point p = (mesh_.corner(t, 0) + mesh_.corner(t, 1) + mesh_.corner(t, 2)) / 3;
+      const Point p = mesh_.middle(t);
       const Ball ball =
           inner_medial_ball(own, p, mesh_.area_normal(t).normalized(), group.diagonal, 1e-3 * group.diagonal);
       if (ball.radius == 0) continue;
       windings[k] = units.winding_number(ball.center).value_or(0) > 0 ? 1 : open_winding(groups, ball.center);
     }
-    return std::accumulate(windings.begin(), windings.end(), 0.0) / double(std::max<std::size_t>(1, wanted));
+    return std::accumulate(windings.begin(), windings.end(), 0.0) / double(wanted);
   }
 
   // The winding number of the groups without their long patches, as a share of that with all patches.

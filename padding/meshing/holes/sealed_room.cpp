@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "padding/geometry/triangle_part.h"
+#include "padding/geometry/triangle.h"
 
 namespace padder {
 
@@ -34,7 +34,7 @@ SealedRoom::Place SealedRoom::place_of(const Point& p) const {
 void SealedRoom::add_walls(const Mesh& walls) {
   std::vector<TrianglePart> parts;
   for (std::uint32_t t = 0; t < walls.triangles.size(); t++) {
-    parts.push_back({{walls.corner(t, 0), walls.corner(t, 1), walls.corner(t, 2)}, t});
+    parts.push_back({walls.corners(t), t});
     while (!parts.empty()) {
       const TrianglePart part = parts.back();
       parts.pop_back();

@@ -84,13 +84,6 @@ TEST(Cull, SmoothnessIsReached) {
 
 TEST(Cull, SomethingMustBeAsked) { EXPECT_THROW(cull(torus(), {}), Error); }
 
-TEST(Cull, NamesOfBalances) {
-  EXPECT_EQ(balance_of("volume"), Balance::volume);
-  EXPECT_EQ(balance_of("mean"), Balance::mean);
-  EXPECT_EQ(balance_of("none"), Balance::none);
-  EXPECT_FALSE(balance_of("Volume"));
-}
-
 TEST(Cull, GridEntries) {
   EXPECT_DOUBLE_EQ(grid_entries({{Point::Zero(), 0.5}, {Point::Zero(), 0.25}}, 1), 8 + 3.375);
 }
