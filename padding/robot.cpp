@@ -10,6 +10,7 @@
 #include <numbers>
 
 #include "padding/asset/error.h"
+#include "padding/input/text.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/self_collision.h"
 
@@ -111,9 +112,7 @@ Mesh ellipsoid(const Vector& half_axes) {
 }
 
 bool y_up(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = reading::lower_case(file.extension().string());
   return ending == ".gltf" || ending == ".glb";
 }
 

@@ -22,9 +22,7 @@ struct Part {
 Part part_of(const Cluster& c) {
   Part part{&c, Point::Zero()};
   Box box;
-  for (std::size_t k = 0; k < c.size(); k++)
-    box.add(c.centers[k] - Vector::Constant(c.radii[k])),
-        box.add(c.centers[k] + Vector::Constant(c.radii[k]));
+  for (std::size_t k = 0; k < c.size(); k++) box.add_ball(c.centers[k], c.radii[k]);
   if (c.size() > 0) part.center = 0.5 * (box.low + box.high);
   for (std::size_t k = 0; k < c.size(); k++)
     part.radius = std::max(part.radius, (c.centers[k] - part.center).norm() + c.radii[k]);
@@ -56,9 +54,7 @@ std::vector<double> random_values(const Model& model, std::uint64_t seed) {
     const double share = static_cast<double>(random() >> 11) * 0x1p-53;
     double low = 0, high = 0;
     if (b.joint.type == Joint::Type::continuous) low = -std::numbers::pi, high = std::numbers::pi;
-    if ((b.joint.type == Joint::Type::revolute || b.joint.type == Joint::Type::prismatic) &&
-        b.joint.lower < b.joint.upper)
-      low = b.joint.lower, high = b.joint.upper;
+    if (b.joint.limited()) low = b.joint.lower, high = b.joint.upper;
     out.push_back(low + share * (high - low));
   }
   return out;

@@ -9,12 +9,6 @@
 namespace padder {
 namespace {
 
-void scale(Accuracy& a, double s) {
-  for (double* length : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
-                         &a.gap_p95, &a.protrusion_bound, &a.gap_bound, &a.wrap_distance})
-    *length *= s;
-}
-
 void scale(std::vector<Point>& centers, std::vector<double>& radii, double s) {
   for (Point& p : centers) p *= s;
   for (double& r : radii) r *= s;
@@ -22,14 +16,14 @@ void scale(std::vector<Point>& centers, std::vector<double>& radii, double s) {
 
 void scale(Cluster& c, double s) {
   scale(c.centers, c.radii, s);
-  scale(c.accuracy, s);
+  c.accuracy.scale(s);
   if (!c.bounds.empty()) c.bounds.low *= s, c.bounds.high *= s;
   c.mass.volume *= std::pow(s, 3), c.mass.center *= s;
   c.mass.inertia *= std::pow(s, 5), c.mass.moments *= std::pow(s, 5);
   c.volume_union *= std::pow(s, 3);
   for (Lod& lod : c.lods) {
     scale(lod.centers, lod.radii, s);
-    scale(lod.accuracy, s);
+    lod.accuracy.scale(s);
     lod.tolerance *= s, lod.volume_union *= std::pow(s, 3);
   }
 }
@@ -68,7 +62,7 @@ std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<do
   for (std::size_t b = 0; b < model.bodies.size(); b++) {
     const Body& body = model.bodies[b];
     Eigen::Isometry3d pose = body.pose;
-    if (body.joint.type == Joint::Type::revolute || body.joint.type == Joint::Type::continuous)
+    if (body.joint.turns())
       pose = pose * Eigen::AngleAxisd(value_of(b), body.joint.axis);
     else if (body.joint.type == Joint::Type::prismatic)
       pose = pose * Eigen::Translation3d(value_of(b) * body.joint.axis);

@@ -29,6 +29,11 @@ struct Joint {
   double damping = 0, friction = 0;
   std::string mimic;  // the joint that this one follows: its place is multiplier * theirs + offset
   double multiplier = 1, offset = 0;
+
+  bool turns() const { return type == Type::revolute || type == Type::continuous; }
+  bool moves_one_way() const { return turns() || type == Type::prismatic; }  // one number places it
+  bool may_have_limits() const { return moves_one_way() && type != Type::continuous; }
+  bool limited() const { return may_have_limits() && lower < upper; }
 };
 
 // A body or link, with its spheres.

@@ -71,13 +71,9 @@ class MjcfWriter {
              (b.joint.friction > 0 ? " frictionloss=\"" + number(b.joint.friction) + "\"" : "") + "/>\n";
     };
     const Vector x = b.joint.axis.unitOrthogonal(), y = b.joint.axis.cross(x);
+    if (b.joint.moves_one_way())
+      return hinge_or_slide(b.joint.turns() ? "hinge" : "slide", b.joint.axis, "", b.joint.limited());
     switch (b.joint.type) {
-      case Joint::Type::revolute:
-        return hinge_or_slide("hinge", b.joint.axis, "", b.joint.lower < b.joint.upper);
-      case Joint::Type::continuous:
-        return hinge_or_slide("hinge", b.joint.axis, "", false);
-      case Joint::Type::prismatic:
-        return hinge_or_slide("slide", b.joint.axis, "", b.joint.lower < b.joint.upper);
       case Joint::Type::planar:
         return hinge_or_slide("slide", x, "_x", false) + hinge_or_slide("slide", y, "_y", false) +
                hinge_or_slide("hinge", b.joint.axis, "_turn", false);
@@ -171,16 +167,11 @@ class MjcfWriter {
     return out.empty() ? "" : "  <contact>\n" + out + "  </contact>\n";
   }
 
-  static bool moves_one_way(const Joint& joint) {
-    return joint.type == Joint::Type::revolute || joint.type == Joint::Type::continuous ||
-           joint.type == Joint::Type::prismatic;
-  }
-
   // Joints that follow another one: URDF's <mimic> is a polynomial of degree 1.
   std::string followers() const {
     std::string out;
     for (const Body& b : job_.model.bodies)
-      if (!b.joint.mimic.empty() && moves_one_way(b.joint))
+      if (!b.joint.mimic.empty() && b.joint.moves_one_way())
         out += "    <joint joint1=\"" + xml_text(b.joint.name) + "\" joint2=\"" + xml_text(b.joint.mimic) +
                "\" polycoef=\"" + number(b.joint.offset) + " " + number(b.joint.multiplier) + " 0 0 0\"/>\n";
     return out.empty() ? "" : "  <equality>\n" + out + "  </equality>\n";
@@ -190,7 +181,7 @@ class MjcfWriter {
   std::string motors() const {
     std::string out;
     for (const Body& b : job_.model.bodies)
-      if (b.joint.effort > 0 && b.joint.mimic.empty() && moves_one_way(b.joint))
+      if (b.joint.effort > 0 && b.joint.mimic.empty() && b.joint.moves_one_way())
         out += "    <motor name=\"" + xml_text(b.joint.name) + "\" joint=\"" + xml_text(b.joint.name) +
                "\" ctrllimited=\"true\" ctrlrange=\"" + number(-b.joint.effort) + " " +
                number(b.joint.effort) + "\"/>\n";

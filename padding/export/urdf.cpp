@@ -12,21 +12,9 @@ namespace padder::exporting {
 namespace {
 
 const char* word(Joint::Type type) {
-  switch (type) {
-    case Joint::Type::revolute:
-      return "revolute";
-    case Joint::Type::continuous:
-      return "continuous";
-    case Joint::Type::prismatic:
-      return "prismatic";
-    case Joint::Type::planar:
-      return "planar";
-    case Joint::Type::floating:
-    case Joint::Type::ball:  // URDF has no joint that only turns
-      return "floating";
-    default:
-      return "fixed";
-  }
+  constexpr const char* words[] = {"fixed",  "revolute", "continuous", "prismatic",
+                                   "planar", "floating", "floating"};  // for `ball`: no joint only turns
+  return words[static_cast<std::size_t>(type)];
 }
 
 // Roll, pitch and yaw about fixed axes x, y, z, as URDF defines them.
@@ -81,7 +69,7 @@ void append_joint(pugi::xml_node robot, const Body& body, const std::string& par
     set(dynamics, "damping", number(body.joint.damping)),
         set(dynamics, "friction", number(body.joint.friction));
   }
-  if (body.joint.type != Joint::Type::revolute && body.joint.type != Joint::Type::prismatic) return;
+  if (!body.joint.may_have_limits()) return;
   pugi::xml_node limit =
       joint.append_child("limit");  // URDF demands effort and velocity; 0 stands for unknown
   set(limit, "lower", number(body.joint.lower)), set(limit, "upper", number(body.joint.upper));

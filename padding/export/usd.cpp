@@ -95,11 +95,8 @@ class UsdWriter {
     const Body& body = job_.model.bodies[b];
     const Joint& j = body.joint;
     if (body.parent < 0 || j.type == Joint::Type::floating) return "";
-    const bool turns = j.type == Joint::Type::revolute || j.type == Joint::Type::continuous;
-    const bool limited =
-        (j.type == Joint::Type::revolute || j.type == Joint::Type::prismatic) && j.lower < j.upper;
     const Eigen::Quaterniond along = Eigen::Quaterniond::FromTwoVectors(Vector::UnitX(), j.axis);
-    const char* type = turns                              ? "PhysicsRevoluteJoint"
+    const char* type = j.turns()                          ? "PhysicsRevoluteJoint"
                        : j.type == Joint::Type::prismatic ? "PhysicsPrismaticJoint"
                        : j.type == Joint::Type::fixed     ? "PhysicsFixedJoint"
                        : j.type == Joint::Type::ball      ? "PhysicsSphericalJoint"
@@ -116,10 +113,9 @@ class UsdWriter {
            "\n    quatf physics:localRot0 = " + tuple(Eigen::Quaterniond(body.pose.linear()) * along) +
            "\n    point3f physics:localPos1 = (0, 0, 0)\n    quatf physics:localRot1 = " + tuple(along) +
            "\n";
-    if (turns || j.type == Joint::Type::prismatic || j.type == Joint::Type::ball)
-      out += "    uniform token physics:axis = \"X\"\n";
-    const double unit = turns ? 180 / std::numbers::pi : 1;  // USD counts angles in degrees
-    if (limited)
+    if (j.moves_one_way() || j.type == Joint::Type::ball) out += "    uniform token physics:axis = \"X\"\n";
+    const double unit = j.turns() ? 180 / std::numbers::pi : 1;  // USD counts angles in degrees
+    if (j.limited())
       out += "    float physics:lowerLimit = " + number(unit * j.lower) +
              "\n    float physics:upperLimit = " + number(unit * j.upper) + "\n";
     if (j.type == Joint::Type::planar)

@@ -52,9 +52,8 @@ struct ControlSpace {
   explicit ControlSpace(const Model& model) {
     for (const Body& b : model.bodies) {
       const Joint& j = b.joint;
-      const bool limited = j.type == Joint::Type::revolute || j.type == Joint::Type::prismatic;
-      if (!(limited || j.type == Joint::Type::continuous) || !j.mimic.empty() || b.parent < 0) continue;
-      const bool zero = !limited || (j.lower <= 0 && 0 <= j.upper) || !(j.lower < j.upper);
+      if (!j.moves_one_way() || !j.mimic.empty() || b.parent < 0) continue;
+      const bool zero = !j.limited() || (j.lower <= 0 && 0 <= j.upper);
       const std::string comma = names.empty() ? "" : ", ";
       const std::string value = yaml_number(zero ? 0 : 0.5 * (j.lower + j.upper));
       names += comma + quoted(j.name), positions += comma + value, ones += comma + "1.0";

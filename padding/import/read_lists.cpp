@@ -60,6 +60,10 @@ struct Lines {
     part.centers.emplace_back(number(c[at[0]], line), number(c[at[1]], line), number(c[at[2]], line));
     part.radii.push_back(number(c[at[3]], line));
   }
+  void x_y_z_r(Part& part, const std::vector<std::string_view>& c, std::size_t line) const {
+    if (c.size() != 4) fail(line, "four numbers are wanted");
+    sphere(part, c, {0, 1, 2, 3}, line);
+  }
 };
 
 std::vector<std::uint32_t> bits(const Npz& arrays, const char* name, std::size_t n,
@@ -84,8 +88,7 @@ Content read_csv(std::string_view text, const std::string& where) {
       header = true;
       return;
     }
-    if (c.size() != 4) lines.fail(number, "four numbers are wanted");
-    lines.sphere(parts[0], c, {0, 1, 2, 3}, number);
+    lines.x_y_z_r(parts[0], c, number);
   });
   return {std::move(parts)};
 }
@@ -149,10 +152,7 @@ Content read_mercury(const std::filesystem::path& folder) {
   parts[0].name =
       std::filesystem::absolute(folder / ".").lexically_normal().parent_path().filename().string();
   each_line(text, [&](std::string_view line, std::size_t number) {
-    if (line.empty()) return;
-    const auto c = columns(line, true);
-    if (c.size() != 4) lines.fail(number, "four numbers are wanted");
-    lines.sphere(parts[0], c, {0, 1, 2, 3}, number);
+    if (!line.empty()) lines.x_y_z_r(parts[0], columns(line, true), number);
   });
   return {std::move(parts)};
 }

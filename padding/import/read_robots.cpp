@@ -74,31 +74,17 @@ void append(std::vector<ApartNames>& apart, const YAML::Node& ignored) {
   }
 }
 
-// "1 2 3"; false for anything but three numbers.
-bool three(const char* text, Point& out) {
-  const char* end = text + std::char_traits<char>::length(text);
-  for (int k = 0; k < 3; k++) {
-    while (text != end && (*text == ' ' || *text == '\t' || *text == '\n' || *text == '\r')) text++;
-    if (text != end && *text == '+') text++;
-    const auto [next, code] = std::from_chars(text, end, out[k]);
-    if (code != std::errc()) return false;
-    text = next;
-  }
-  while (text != end && (*text == ' ' || *text == '\t' || *text == '\n' || *text == '\r')) text++;
-  return text == end;
-}
-
 void append(Part& part, const pugi::xml_node& at, const char* center, const char* radius,
             const std::string& where) {
-  Point p = Point::Zero();
+  const auto p = numbers_in(*center ? center : "0 0 0");
   double r = 0;
   const char* end = radius + std::char_traits<char>::length(radius);
   const auto [next, code] = std::from_chars(radius, end, r);  // more numbers may follow in MuJoCo's size
   const bool blank = next == end || *next == ' ';
-  if ((*center && !three(center, p)) || code != std::errc() || !blank)
+  if (!p || p->size() != 3 || code != std::errc() || !blank)
     throw Error(where + ", byte " + std::to_string(at.offset_debug()) + ": a sphere of '" +
                 excerpt(part.name) + "'" + " has no centre of three numbers or no radius");
-  part.centers.push_back(p), part.radii.push_back(r);
+  part.centers.emplace_back((*p)[0], (*p)[1], (*p)[2]), part.radii.push_back(r);
 }
 
 // The family and mask of a body whose geoms all have the same bits, if these are bits of ours.

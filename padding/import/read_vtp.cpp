@@ -3,7 +3,6 @@
 // and compressed by zlib.
 #include <zlib.h>
 
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <pugixml.hpp>
@@ -175,17 +174,9 @@ class Reader {
     if (!array) fail("an array is missing");
     const std::string_view type = array.attribute("type").as_string();
     if (std::string_view(array.attribute("format").as_string("ascii")) == "ascii") {
-      std::vector<double> out;
-      const char* text = array.text().get();
-      const char* end = text + std::strlen(text);
-      for (;;) {
-        while (text != end && std::strchr(" \n\r\t", *text)) text++;
-        if (text == end) return out;
-        double v;
-        const auto [next, code] = std::from_chars(text, end, v);
-        if (code != std::errc()) fail("an array holds something that is not a number");
-        out.push_back(v), text = next;
-      }
+      auto out = numbers_in(array.text().get());
+      if (!out) fail("an array holds something that is not a number");
+      return std::move(*out);
     }
     const std::string bytes = bytes_of(array);
     if (type == "Float64") return as<double>(bytes);

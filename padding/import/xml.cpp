@@ -2,6 +2,7 @@
 #include "padding/import/xml.h"
 
 #include <algorithm>
+#include <charconv>
 #include <vector>
 
 #include "padding/asset/child.h"
@@ -90,6 +91,19 @@ void load_xml(pugi::xml_document& document, std::string_view text, const std::st
   };
   in_child([&] { parse(document, text, where); }, send,
            [&](ChildPipe& pipe) { return receive(pipe, document); }, text.size(), where);
+}
+
+std::optional<std::vector<double>> numbers_in(std::string_view text) {
+  std::vector<double> out;
+  for (;;) {
+    text.remove_prefix(std::min(text.find_first_not_of(" \t\n\r"), text.size()));
+    if (text.empty()) return out;
+    if (text.front() == '+') text.remove_prefix(1);
+    const char* end = text.data() + text.size();
+    const auto [next, code] = std::from_chars(text.data(), end, out.emplace_back());
+    if (code != std::errc()) return std::nullopt;
+    text.remove_prefix(static_cast<std::size_t>(next - text.data()));
+  }
 }
 
 }  // namespace padder::importing

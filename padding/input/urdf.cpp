@@ -96,23 +96,11 @@ class UrdfReader {
   // An empty attribute gives `otherwise`.
   Vector three(const pugi::xml_attribute& attribute, const Vector& otherwise,
                const std::string& where) const {
-    const char* text = attribute.as_string();
-    if (!*text) return otherwise;
-    Vector v;
-    const char* end = text + std::strlen(text);
-    const auto blanks = [&] {
-      while (text != end && std::strchr(" \t\n\r", *text)) text++;
-    };
-    for (int k = 0; k < 3; k++) {
-      blanks();
-      if (text != end && *text == '+') text++;
-      const auto [next, code] = std::from_chars(text, end, v[k]);
-      if (code != std::errc() || !std::isfinite(v[k])) fail(where + ": " + wants("three numbers", attribute));
-      text = next;
-    }
-    blanks();
-    if (text != end) fail(where + ": " + wants("three numbers", attribute));
-    return v;
+    if (!*attribute.as_string()) return otherwise;
+    const auto v = importing::numbers_in(attribute.as_string());
+    if (!v || v->size() != 3 || !Vector((*v)[0], (*v)[1], (*v)[2]).allFinite())
+      fail(where + ": " + wants("three numbers", attribute));
+    return {(*v)[0], (*v)[1], (*v)[2]};
   }
   static std::string wants(const char* what, const pugi::xml_attribute& attribute) {
     return std::string(attribute.name()) + " wants " + what + ", not \"" + excerpt(attribute.as_string()) +
@@ -256,8 +244,7 @@ class UrdfReader {
                        joint.type != Joint::Type::ball;
     if (turns && !(axis.norm() > 0)) fail(where + ": its axis has no length");
     if (turns) joint.axis = axis.normalized();
-    if (const auto limit = node.child("limit");
-        limit && (joint.type == Joint::Type::revolute || joint.type == Joint::Type::prismatic)) {
+    if (const auto limit = node.child("limit"); limit && joint.may_have_limits()) {
       if (limit.attribute("lower")) joint.lower = one(limit, "lower", where);
       if (limit.attribute("upper")) joint.upper = one(limit, "upper", where);
     }

@@ -415,20 +415,11 @@ bool is_urdf(const fs::path& path) try {
 bool is_mjcf_to_pad(const fs::path& path) {
   if (path.extension() != ".xml") return false;
   try {
-    const MjcfFile file(path);
-    bool other = false;
-    struct Walker : pugi::xml_tree_walker {
-      bool* other;
-      bool for_each(xml_node& node) override {
-        const std::string_view type = node.attribute("type").as_string("sphere");
-        if (std::string_view(node.name()) == "geom" && (type != "sphere" || node.attribute("mesh")))
-          *other = true;
-        return !*other;
-      }
-    } walker;
-    walker.other = &other;
-    file.root().traverse(walker);
-    return other;
+    const auto is_no_sphere = [](const xml_node& node) {
+      const std::string_view type = node.attribute("type").as_string("sphere");
+      return std::string_view(node.name()) == "geom" && (type != "sphere" || node.attribute("mesh"));
+    };
+    return !MjcfFile(path).root().find_node(is_no_sphere).empty();
   } catch (const Error&) {  // who reads it says why it cannot be read
     return !is_urdf(path);
   }

@@ -2,7 +2,6 @@
 #include "padding/mjcf/mjcf_file.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <numbers>
@@ -122,27 +121,13 @@ std::vector<double> MjcfFile::numbers(const MjcfElement& e, const char* name, st
                                       std::size_t most, std::vector<double> otherwise) const {
   const pugi::xml_attribute attribute = e.attribute(name);
   if (!attribute) return otherwise;
-  std::vector<double> out;
-  const char* text = attribute.as_string();
-  const char* end = text + std::strlen(text);
-  const auto blanks = [&] {
-    while (text != end && std::strchr(" \t\n\r", *text)) text++;
-  };
-  for (blanks(); text != end; blanks()) {
-    if (*text == '+') text++;
-    double value = 0;
-    const auto [next, code] = std::from_chars(text, end, value);
-    if (code != std::errc() || !std::isfinite(value) || out.size() == most) {
-      out.clear();
-      break;
-    }
-    out.push_back(value), text = next;
-  }
-  if (out.size() < least)
+  const auto out = importing::numbers_in(attribute.as_string());
+  const auto finite = [](double v) { return std::isfinite(v); };
+  if (!out || out->size() < least || out->size() > most || !std::ranges::all_of(*out, finite))
     fail(e.levels[0], std::string(name) + " takes " + (least == most ? "" : "at least ") +
                           std::to_string(least) + (least == 1 ? " number" : " numbers") + ", not \"" +
                           excerpt(attribute.as_string()) + '"');
-  return out;
+  return *out;
 }
 
 double MjcfFile::number(const MjcfElement& e, const char* name, double otherwise) const {

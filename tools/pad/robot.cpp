@@ -7,6 +7,7 @@
 
 #include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/view/page.h"
 #include "tools/usage.h"
@@ -29,15 +30,11 @@ void check_place(const std::string& where, const Model& model, const std::string
   const Joint& joint =
       std::ranges::find(model.bodies, name, [](const Body& b) { return b.joint.name; })->joint;
   if (!joint.mimic.empty()) throw Error(where + "it follows the joint " + joint.mimic + ": place that one");
-  const bool turns = joint.type == Joint::Type::revolute || joint.type == Joint::Type::continuous;
-  if (!turns && joint.type != Joint::Type::prismatic)
+  if (!joint.moves_one_way())
     throw Error(where + "it moves in more than one way, and one number does not place it");
-  if (joint.type == Joint::Type::continuous || !(joint.lower < joint.upper)) return;
-  if (value < joint.lower || value > joint.upper) {
-    char limits[64];
-    std::snprintf(limits, sizeof limits, "from %.9g to %.9g", joint.lower, joint.upper);
-    throw Error(where + "its limits are " + limits + (turns ? " radians" : " metres"));
-  }
+  if (joint.limited() && (value < joint.lower || value > joint.upper))
+    throw Error(where + "its limits are from " + short_number(joint.lower, 9) + " to " +
+                short_number(joint.upper, 9) + (joint.turns() ? " radians" : " metres"));
 }
 
 // What could not be done once the links are padded is refused before.
@@ -73,8 +70,7 @@ void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
     for (std::size_t s = 0; s < c.size(); s++) {
       all.centers.push_back(poses[k] * c.centers[s]), all.radii.push_back(c.radii[s]);
       all.triangle.push_back(-1), family.push_back(c.family);
-      all.bounds.add(all.centers.back() - Vector::Constant(c.radii[s]));
-      all.bounds.add(all.centers.back() + Vector::Constant(c.radii[s]));
+      all.bounds.add_ball(all.centers.back(), c.radii[s]);
     }
     const auto first = static_cast<std::uint32_t>(mesh.points.size());
     for (const Point& p : robot.meshes[k].points) mesh.points.push_back(poses[k] * p);
