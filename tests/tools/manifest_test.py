@@ -251,9 +251,11 @@ class ManifestTest(unittest.TestCase):
 
     def test_wrong_usage_is_one_sentence(self):
         self.put("a.obj"), self.put("sub/a.obj"), self.put("sub/a.stl"), os.mkdir(self.folder / "empty")
+        self.put("a.spheres.json")
         for name, text in {"option": "a.obj --no-such 1\n", "two": "a.obj\na.obj\n", "up": "../a.obj\n", "above": "a.obj -o ../x.spheres.json\n",
                            "root": "a.obj -o /x.spheres.json\n", "names": "a.obj b.obj\n", "value": "a.obj --tolerance x\n",
-                           "format": "a.obj -o a.unknown\n", "none": "# nothing\n", "wide": "a\0.\0o\0", "nowhere": "a.obj -o sub/\n"}.items():
+                           "format": "a.obj -o a.unknown\n", "none": "# nothing\n", "wide": "a\0.\0o\0", "nowhere": "a.obj -o sub/\n",
+                           "conversion": "a.spheres.json -o a.csv --effort 2\n"}.items():
             self.put(name + ".txt", text)
             done = self.run_pad("--manifest", name + ".txt", "-o", "out", code=1 if name == "none" else 2)
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)

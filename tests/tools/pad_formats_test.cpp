@@ -167,6 +167,7 @@ TEST_F(PadFormatsTest, SpheresAreConvertedWithoutPadding) {
   for (const char* wrong :
        {"c.spheres.json", "c.spheres.json -o x.xml --tolerance 1%", "c.spheres.json -o x.xml --effort 2",
         "d.yaml c.npz -o many/ --format mjcf --repair fill", "c.spheres.json -o c.spheres.json",
+        "cube.obj c.npz -o many/ --format mjcf --effort 2", "c.spheres.json -o x.xml --preview x.png",
         "cube.obj -o x.xml -o x.xml", "cube.obj -o x.xml -o y.foo", "r.urdf -o x.xml -o x.json"})
     EXPECT_EQ(pad(wrong).status, 2) << wrong;
   EXPECT_FALSE(fs::exists(folder_ / "x.xml"));

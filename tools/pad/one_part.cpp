@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/pad/one_part.h"
 
-#include <charconv>
 #include <cmath>
+#include <set>
 
 #include "padding/import/import.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/view/page.h"
+#include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/pad/convert.h"
 #include "tools/pad/report.h"
@@ -48,14 +49,25 @@ std::string output_name(const std::string& mesh, const Format* format) {
          (!format ? ".spheres.json" : std::string(is_robot(mesh) ? ".spheres" : "") + format->ending);
 }
 
-void check_conversion(const PadArguments& a, const std::string& file) {
+void check_conversion(const PadArguments& a, const std::map<std::string, std::string>& given,
+                      const std::string& file) {
+  // And those of the robots beside it. All others are about padding.
+  static const std::set<std::string> fit = {
+      "--format", "--density",       "--scale",        "--unit",  "--family",        "--mask",
+      "--visual", "--robot-spheres", "--package-path", "--xacro", "--self-collision"};
+  if (!is_sphere_file(file) || is_robot(file)) return;
   if (std::error_code code; !fs::exists(file, code)) return;  // its reader says so
   if (a.outputs.empty() && a.format.empty())
     throw cli::UsageError(file + " holds spheres already: name with -o what to convert it to");
-  if (a.options.by_tolerance() || a.options.depth_ratio || !a.preview.empty() || !a.write_mesh.empty())
+  std::vector<std::string> unfit;
+  for (const auto& [option, value] : given)
+    if (!fit.contains(option)) unfit.push_back(option);
+  if (!a.preview.empty()) unfit.push_back("--preview");
+  if (!a.write_mesh.empty()) unfit.push_back("--write-mesh");
+  if (!unfit.empty())
     throw cli::UsageError(file +
-                          " holds spheres already, which are converted and not padded again: leave out the "
-                          "tolerance, the depth ratio, the count, --preview and --write-mesh");
+                          " holds spheres already, which are converted and not padded again: leave out " +
+                          cli::listed(unfit));
 }
 
 namespace {
@@ -89,13 +101,11 @@ Json pad_urdf(const PadArguments& a, const std::string& file, const PadTarget& g
                {}};
   job.whole.reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
   for (const std::string& joint : a.joints) {
-    const std::size_t at = joint.rfind('=');
-    double value = 0;
-    const char* end = joint.data() + joint.size();
-    const auto read = std::from_chars(joint.data() + std::min(at + 1, joint.size()), end, value);
-    if (at == std::string::npos || read.ec != std::errc() || read.ptr != end || !std::isfinite(value))
+    const std::size_t at = std::min(joint.rfind('='), joint.size());
+    const auto value = cli::number_of<double>(std::string_view(joint).substr(std::min(at + 1, joint.size())));
+    if (!value || !std::isfinite(*value))
       throw cli::UsageError("--joint takes NAME=VALUE, as elbow=1.57, not \"" + joint + '"');
-    job.joints[joint.substr(0, at)] = value;
+    job.joints[joint.substr(0, at)] = *value;
   }
   Json report = run_robot(job, [&](const std::string& link, std::size_t at, std::size_t of) {
     if (progress) progress(link.c_str(), int(at), int(of));

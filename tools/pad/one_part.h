@@ -3,6 +3,7 @@
 #pragma once
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -29,9 +30,10 @@ struct PadTarget {
   }
 };
 
-// A file of spheres is converted, so it must be said to what, and nothing about padding. Throws
-// cli::UsageError.
-void check_conversion(const PadArguments& a, const std::string& file);
+// If it is a file of spheres, it is converted: so it must be said to what, and nothing about padding. `given`
+// is settings_of() what holds for it. Throws cli::UsageError.
+void check_conversion(const PadArguments& a, const std::map<std::string, std::string>& given,
+                      const std::string& file);
 
 // The format of what is made of `mesh`: that of --format or, where -o names a file, that of its ending.
 // Throws cli::UsageError when there is none.

@@ -13,7 +13,6 @@
 #include <thread>
 
 #include "padding/asset/error.h"
-#include "padding/import/import.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/view/page.h"
 #include "tools/arguments.h"
@@ -80,7 +79,7 @@ std::vector<OutputFile> further_outputs(const PadArguments& a) {
 }
 
 // No two meshes may write the same file.
-std::vector<PadTarget> targets(const PadArguments& a) {
+std::vector<PadTarget> targets(const PadArguments& a, const std::map<std::string, std::string>& given) {
   const std::string output = a.output();
   const bool folder = is_folder(output) && a.format != "mercury";
   if (a.meshes.size() > 1 && !output.empty() && !folder)
@@ -92,7 +91,7 @@ std::vector<PadTarget> targets(const PadArguments& a) {
       throw UsageError("a % stands alone: write a share of the diagonal as one word, as in --tolerance 5%");
     PadTarget t;
     t.in_folder = folder;
-    if (is_sphere_file(mesh) && !is_robot(mesh)) check_conversion(a, mesh);
+    check_conversion(a, given, mesh);
     t.mesh = surface_file(a, mesh);
     t.more = further_outputs(a);
     const Format* format = format_of(a, mesh);
@@ -120,8 +119,7 @@ std::vector<PadTarget> targets(const PadArguments& a) {
 }
 
 // One mesh after the other, in this process.
-int pad_meshes(const PadArguments& a, const cli::StreamFiles& files) {
-  const std::vector<PadTarget> goals = targets(a);
+int pad_meshes(const PadArguments& a, const std::vector<PadTarget>& goals, const cli::StreamFiles& files) {
   Json all = Json::array();
   bool failed = false;
   ProgressBar bar(!a.quiet);
@@ -197,10 +195,9 @@ void end_after(const PadArguments& a) {
   std::thread([&a] {
     std::this_thread::sleep_for(std::chrono::duration<double>(std::min(a.seconds, 1e9)));
     remove_unfinished_files();
-    char sentence[100];
-    std::snprintf(sentence, sizeof sentence, "no result after %.6g s: give it more with --seconds",
-                  a.seconds);
-    std::fprintf(stderr, "pad: %s\n", sentence);
+    const std::string sentence =
+        "no result after " + short_number(a.seconds, 6) + " s: give it more with --seconds";
+    std::fprintf(stderr, "pad: %s\n", sentence.c_str());
     if (a.json) cli::print_failure(a.meshes[0], sentence);
     std::fflush(stdout);
     ::_exit(1);
@@ -224,11 +221,6 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   if (std::ranges::none_of(a.meshes, is_robot))
     refuse({"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"},
            " is for a robot, and " + a.meshes[0] + " is none");
-  if (std::ranges::all_of(a.meshes, [](const auto& m) { return is_sphere_file(m) && !is_robot(m); }))
-    refuse({"--edge-length", "--max-radius", "--min-radius", "--balance", "--smooth", "--effort",
-            "--lower-bound", "--reach", "--lod", "--sharp-angle", "--repair", "--thickness", "--force"},
-           " is for a mesh, and " + a.meshes[0] +
-               " holds spheres already, which are converted and not padded again");
   for (const std::string& folder : a.package_folders)
     if (std::error_code code; !fs::is_directory(folder, code))
       throw UsageError("--package-path: there is no folder " + cli::in_quotes(folder));
@@ -241,7 +233,7 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
     throw Error("--memory " + a.memory + " is less than the program itself needs: give it more");
   }
   if (app.count("--seconds") > 0 && a.seconds > 0) end_after(a);
-  const int code = pad_meshes(a, files);
+  const int code = pad_meshes(a, targets(a, settings_of(app)), files);
   if (code == 0) files.deliver();
   return code;
 }

@@ -4,7 +4,6 @@
 #include <glob.h>
 
 #include <algorithm>
-#include <charconv>
 #include <iostream>
 #include <iterator>
 #include <unordered_map>
@@ -14,6 +13,8 @@
 #include "padding/asset/file.h"
 #include "padding/import/import.h"
 #include "padding/input/read.h"
+#include "padding/input/text.h"
+#include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/pad/one_part.h"
 
@@ -30,8 +31,7 @@ bool is_pattern(const std::string& text) {
 }
 
 bool is_mesh(const fs::path& file) {
-  std::string ending = file.extension().string();
-  std::ranges::transform(ending, ending.begin(), [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = reading::lower_case(file.extension().string());
   return std::ranges::find(mesh_endings(), ending) != mesh_endings().end();
 }
 
@@ -137,7 +137,7 @@ class List {
     const Format* format = nullptr;
     try {
       if (a.outputs.size() > 1) throw UsageError("a part of a list is one file: give one -o");
-      if (is_sphere_file(mesh) && !is_robot(mesh)) check_conversion(a, mesh);
+      check_conversion(a, settings->given, mesh);
       format = format_of(a, mesh);
     } catch (const UsageError& e) {
       throw UsageError(where + ": " + e.what());
@@ -197,16 +197,15 @@ std::vector<Part> list_parts(const PadArguments& a, const std::map<std::string, 
 bool Shard::holds(const Part& part) const { return crc32(part.output) % of == index - 1; }
 
 Shard shard_of(const std::string& text) {
-  Shard s;
-  if (text.empty()) return s;
-  const char* end = text.data() + text.size();
-  const auto first = std::from_chars(text.data(), end, s.index);
-  const bool slash = first.ec == std::errc() && first.ptr != end && *first.ptr == '/';
-  const auto second = slash ? std::from_chars(first.ptr + 1, end, s.of) : first;
-  if (!slash || second.ec != std::errc() || second.ptr != end || s.index < 1 || s.index > s.of)
+  if (text.empty()) return {};
+  const std::size_t slash = std::min(text.find('/'), text.size());
+  const auto index = cli::number_of<std::uint32_t>(std::string_view(text).substr(0, slash)),
+             of = cli::number_of<std::uint32_t>(
+                 std::string_view(text).substr(std::min(slash + 1, text.size())));
+  if (!index || !of || *index < 1 || *index > *of)
     throw UsageError("--shard takes the number of a portion and how many there are, as 1/8 to 8/8, not \"" +
                      excerpt(text) + '"');
-  return s;
+  return {*index, *of};
 }
 
 }  // namespace padder

@@ -25,41 +25,36 @@ namespace {
 
 constexpr auto kReplace = Json::error_handler_t::replace;  // the name of a file need not be UTF-8
 
+// Calls each(key, value) for all that a record holds.
+template <class SomeRecord, class Each>
+void each_value(SomeRecord& r, const Each& each) {
+  each("output", r.output), each("mesh", r.mesh), each("key", r.key);
+  each("inputs", r.inputs), each("sha256", r.sha256), each("error", r.error);
+  each("triangles", r.triangles), each("spheres", r.spheres);
+  each("protrusion", r.protrusion), each("gap", r.gap), each("certified", r.certified);
+  each("within", r.within), each("warnings", r.warnings), each("seconds", r.seconds);
+  each("cpu_seconds", r.cpu_seconds), each("memory", r.memory);
+}
+
 }  // namespace
+
+static void to_json(Json& j, const Record::Input& input) {
+  j = {{"file", input.file}, {"sha256", input.sha256}};
+}
+static void from_json(const Json& j, Record::Input& input) {
+  j.at("file").get_to(input.file), j.at("sha256").get_to(input.sha256);
+}
 
 Record record_of(const Json& j) {
   Record r;
-  j.at("output").get_to(r.output), j.at("mesh").get_to(r.mesh), j.at("key").get_to(r.key);
-  for (const Json& input : j.at("inputs")) r.inputs.push_back({input.at("file"), input.at("sha256")});
-  j.at("sha256").get_to(r.sha256), j.at("error").get_to(r.error);
-  j.at("triangles").get_to(r.triangles), j.at("spheres").get_to(r.spheres);
-  j.at("protrusion").get_to(r.protrusion), j.at("gap").get_to(r.gap);
-  j.at("certified").get_to(r.certified), j.at("within").get_to(r.within);
-  j.at("warnings").get_to(r.warnings);
-  j.at("seconds").get_to(r.seconds), j.at("cpu_seconds").get_to(r.cpu_seconds);
-  j.at("memory").get_to(r.memory);
+  each_value(r, [&](const char* key, auto& value) { j.at(key).get_to(value); });
   return r;
 }
 
 Json to_json(const Record& r) {
-  Json inputs = Json::array();
-  for (const auto& input : r.inputs) inputs.push_back({{"file", input.file}, {"sha256", input.sha256}});
-  return {{"output", r.output},
-          {"mesh", r.mesh},
-          {"key", r.key},
-          {"inputs", inputs},
-          {"sha256", r.sha256},
-          {"error", r.error},
-          {"triangles", r.triangles},
-          {"spheres", r.spheres},
-          {"protrusion", r.protrusion},
-          {"gap", r.gap},
-          {"certified", r.certified},
-          {"within", r.within},
-          {"warnings", r.warnings},
-          {"seconds", r.seconds},
-          {"cpu_seconds", r.cpu_seconds},
-          {"memory", r.memory}};
+  Json j;
+  each_value(r, [&](const char* key, const auto& value) { j[key] = value; });
+  return j;
 }
 
 std::string key_of(const Part& part, const std::string& sha256_of_mesh) {

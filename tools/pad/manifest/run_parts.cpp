@@ -30,11 +30,17 @@ using cli::UsageError;
 
 namespace {
 
+// Of a part of which nothing is known yet.
+Record record_for(const Part& part) {
+  Record r;
+  r.output = part.output, r.mesh = part.mesh;
+  return r;
+}
+
 // What a worker does. The text is a Record as JSON; "disk" is added when the disk is at fault.
 std::string pad_part(const Part& part, const fs::path& folder, int threads) {
   omp_set_num_threads(threads);
-  Record r;
-  r.output = part.output, r.mesh = part.mesh;
+  Record r = record_for(part);
   bool disk = false;
   try {
     // The content before it is read: if it changes meanwhile, the next run notices.
@@ -77,11 +83,11 @@ class Run {
     check();
     for (Part& part : list_parts(a, given))
       if (shard_.holds(part)) parts_.push_back(std::move(part));
-    state_.resize(parts_.size());
-    cores_ = omp_get_num_procs();
+    for (const Part& part : parts_) state_.push_back({Fate::not_reached, record_for(part)});
+    const int cores = omp_get_num_procs();
     const int most = static_cast<int>(std::clamp<std::size_t>(parts_.size(), 1, cli::kMostThreads));
-    workers_ = std::min(most, a.workers > 0 ? a.workers : std::max(1, cores_ / std::max(1, a.threads)));
-    threads_ = a.threads > 0 ? a.threads : std::max(1, cores_ / workers_);
+    workers_ = std::min(most, a.workers > 0 ? a.workers : std::max(1, cores / std::max(1, a.threads)));
+    threads_ = a.threads > 0 ? a.threads : std::max(1, cores / workers_);
     memory_ = machine_memory() / static_cast<unsigned>(workers_);
   }
 
@@ -182,6 +188,8 @@ class Run {
 
   void set(std::size_t k, Fate fate, const Record& record) {
     state_[k] = {fate, record};
+    // A record may be of a mesh that lay elsewhere, and JSON holds no name that is not UTF-8.
+    state_[k].record.output = parts_[k].output, state_[k].record.mesh = parts_[k].mesh;
     if (fate == Fate::failed) {
       failed_++;
       bar_.clear();
@@ -197,8 +205,7 @@ class Run {
 
   void take(const WorkerResult& result, Records& records) {
     const Part& part = parts_[result.job];
-    Record r;
-    r.output = part.output, r.mesh = part.mesh;
+    Record r = record_for(part);
     bool disk = false;
     if (result.answered) {
       const Json answer = Json::parse(result.answer);
@@ -219,11 +226,7 @@ class Run {
 
   void make_page(Workers& workers) {
     std::vector<PageRow> rows;
-    for (std::size_t k = 0; k < parts_.size(); k++) {
-      Record r = state_[k].record;
-      r.output = parts_[k].output, r.mesh = parts_[k].mesh;
-      rows.push_back({r, state_[k].fate != Fate::not_reached});
-    }
+    for (const State& s : state_) rows.push_back({s.record, s.fate != Fate::not_reached});
     write_parts_page(rows, folder_, workers, static_cast<std::size_t>(workers_),
                      [&](double done) { bar_.show(done, "pictures for the page"); });
   }
@@ -247,11 +250,9 @@ class Run {
     if (!a_.json) return;
     Json all = Json::array();
     const char* names[] = {"not reached", "up to date", "made", "failed"};
-    for (std::size_t k = 0; k < parts_.size(); k++) {
-      Record r = state_[k].record;
-      r.output = parts_[k].output, r.mesh = parts_[k].mesh;
-      Json j = {{"state", names[static_cast<int>(state_[k].fate)]}};
-      j.update(to_json(r));
+    for (const State& s : state_) {
+      Json j = {{"state", names[static_cast<int>(s.fate)]}};
+      j.update(to_json(s.record));
       all.push_back(j);
     }
     const Json document = {{"parts", parts_.size()},
@@ -275,7 +276,7 @@ class Run {
   ProgressBar bar_;
   std::vector<Part> parts_;
   std::vector<State> state_;
-  int cores_ = 1, workers_ = 1, threads_ = 1;
+  int workers_ = 1, threads_ = 1;
   std::uint64_t memory_ = 0, spheres_ = 0;
   std::size_t done_ = 0, made_ = 0, failed_ = 0;
   std::string trouble_;  // why no further part is begun
