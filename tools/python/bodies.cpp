@@ -127,7 +127,7 @@ std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, con
 
 // A member of all bodies as an array, which is a view of the bodies' memory.
 template <class T>
-py::array member(const py::object& self, std::size_t offset, py::ssize_t columns, bool writeable) {
+py::array member_of(const py::object& self, std::size_t offset, py::ssize_t columns, bool writeable) {
   std::vector<detect::Body>& b = py::cast<Bodies&>(self).bodies;
   std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(b.size())}, strides{sizeof(detect::Body)};
   if (columns > 1) shape.push_back(columns), strides.push_back(sizeof(T));
@@ -137,6 +137,12 @@ py::array member(const py::object& self, std::size_t offset, py::ssize_t columns
   py::array a(py::dtype::of<T>(), std::move(shape), std::move(strides), at, self);
   if (!writeable) a.attr("flags").attr("writeable") = false;  // Python cannot undo this
   return a;
+}
+
+// The property that returns it.
+template <class T>
+py::cpp_function member(std::size_t offset, py::ssize_t columns = 1, bool writeable = true) {
+  return [=](const py::object& self) { return member_of<T>(self, offset, columns, writeable); };
 }
 
 }  // namespace
@@ -192,27 +198,12 @@ the radius of the smallest loose sphere (inf: there is none), everything may mov
           "lod_error", &Bodies::lod_error,
           "What touches a body of with_lod() is at most this far from its finest level; inf: not proved.")
       .def("__len__", [](const Bodies& b) { return b.bodies.size(); })
-      .def_property_readonly("poses",
-                             [](const py::object& self) { return member<double>(self, 0, 12, true); })
-      .def_property_readonly("shape",
-                             [](const py::object& self) {
-                               return member<std::uint32_t>(self, offsetof(detect::Body, shape), 1, false);
-                             })
-      .def_property_readonly("family",
-                             [](const py::object& self) {
-                               return member<std::uint32_t>(self, offsetof(detect::Body, family), 1, true);
-                             })
-      .def_property_readonly("mask",
-                             [](const py::object& self) {
-                               return member<std::uint32_t>(self, offsetof(detect::Body, mask), 1, true);
-                             })
-      .def_property_readonly("world",
-                             [](const py::object& self) {
-                               return member<std::uint32_t>(self, offsetof(detect::Body, world), 1, true);
-                             })
-      .def_property_readonly("is_static", [](const py::object& self) {
-        return member<bool>(self, offsetof(detect::Body, is_static), 1, true);
-      });
+      .def_property_readonly("poses", member<double>(0, 12))
+      .def_property_readonly("shape", member<std::uint32_t>(offsetof(detect::Body, shape), 1, false))
+      .def_property_readonly("family", member<std::uint32_t>(offsetof(detect::Body, family)))
+      .def_property_readonly("mask", member<std::uint32_t>(offsetof(detect::Body, mask)))
+      .def_property_readonly("world", member<std::uint32_t>(offsetof(detect::Body, world)))
+      .def_property_readonly("is_static", member<bool>(offsetof(detect::Body, is_static)));
 }
 
 }  // namespace padder::python

@@ -35,63 +35,54 @@ class Hash {
   std::uint64_t state_ = 0;
 };
 
-std::uint32_t mover_of(const System& s, std::uint64_t sphere) { return s.mover_of(sphere); }
+NpyArray of(const std::vector<Vec3>& v) {
+  return npy_array(v.empty() ? nullptr : &v.data()->x, {v.size(), 3});
+}
 
-// Of each sphere its own velocity: that of its mover, and what its spin adds.
-std::vector<Vec3> sphere_velocities(const Stepper& stepper) {
+// What a frame says of each sphere. Its velocity is that of its mover, and what its spin adds.
+struct Frame {
+  std::vector<double> centers, radii;
+  std::vector<std::uint32_t> mover;
+  std::vector<Vec3> velocities;
+};
+
+Frame frame_of(const Stepper& stepper) {
   const System& s = stepper.system();
-  std::vector<Vec3> out;
+  Frame f;
   for (std::uint64_t k = 0; k < s.spheres(); k++) {
-    const std::uint32_t m = mover_of(s, k);
     const detect::Sphere& p = stepper.placed()[k];
-    out.push_back(s.velocity[m] + cross(s.spin[m], Vec3{p.x, p.y, p.z} - s.position[m]));
+    const std::uint32_t m = s.mover_of(k);
+    f.centers.insert(f.centers.end(), {p.x, p.y, p.z}), f.radii.push_back(p.r), f.mover.push_back(m);
+    f.velocities.push_back(s.velocity[m] + cross(s.spin[m], Vec3{p.x, p.y, p.z} - s.position[m]));
   }
-  return out;
+  return f;
 }
 
 void write_npz(const Stepper& stepper, const std::filesystem::path& path) {
-  const System& s = stepper.system();
-  const std::uint64_t n = s.spheres();
-  std::vector<double> centers, radii;
-  std::vector<std::uint32_t> family, mover;
-  for (std::uint64_t k = 0; k < n; k++) {
-    const detect::Sphere& p = stepper.placed()[k];
-    centers.insert(centers.end(), {p.x, p.y, p.z}), radii.push_back(p.r);
-    mover.push_back(mover_of(s, k));
-    // 33 and more: no mask names them.
-    family.push_back(mover.back() < s.bodies.size() ? 33 + mover.back() : 0);
-  }
-  const std::vector<Vec3> velocities = sphere_velocities(stepper);
+  const Frame f = frame_of(stepper);
+  const std::uint64_t n = f.radii.size();
+  std::vector<std::uint32_t> family;
+  for (const std::uint32_t m : f.mover)  // 33 and more: no mask names them
+    family.push_back(m < stepper.system().bodies.size() ? 33 + m : 0);
   const double time = stepper.time();
   Npz arrays;
-  arrays["centers"] = npy_array(centers.data(), {n, 3});
-  arrays["radii"] = npy_array(radii.data(), {n});
+  arrays["centers"] = npy_array(f.centers.data(), {n, 3});
+  arrays["radii"] = npy_array(f.radii.data(), {n});
   arrays["family"] = npy_array(family.data(), {n});
-  arrays["mover"] = npy_array(mover.data(), {n});
-  arrays["velocities"] = npy_array(&velocities.data()->x, {n, 3});
+  arrays["mover"] = npy_array(f.mover.data(), {n});
+  arrays["velocities"] = of(f.velocities);
   arrays["time"] = npy_array(&time, {1});
   write_file(path, npz_bytes(arrays));
 }
 
 void write_vtp(const Stepper& stepper, const std::filesystem::path& path) {
-  const System& s = stepper.system();
-  const std::uint64_t n = s.spheres();
-  std::vector<double> centers, radii;
-  std::vector<std::uint32_t> mover;
-  for (std::uint64_t k = 0; k < n; k++) {
-    const detect::Sphere& p = stepper.placed()[k];
-    centers.insert(centers.end(), {p.x, p.y, p.z}), radii.push_back(p.r), mover.push_back(mover_of(s, k));
-  }
+  const Frame f = frame_of(stepper);
   FileWriter file(path);
-  VtpWriter writer(n, {{"radius", 'f', 8, 1}, {"mover", 'u', 4, 1}, {"velocity", 'f', 8, 3}},
+  VtpWriter writer(f.radii.size(), {{"radius", 'f', 8, 1}, {"mover", 'u', 4, 1}, {"velocity", 'f', 8, 3}},
                    [&](std::uint64_t at, std::string_view bytes) { file.write_at(at, bytes); });
-  writer.append(0, radii), writer.append(1, mover), writer.append(2, sphere_velocities(stepper));
-  writer.append(writer.positions(), centers);
+  writer.append(0, f.radii), writer.append(1, f.mover), writer.append(2, f.velocities);
+  writer.append(writer.positions(), f.centers);
   writer.finish(), file.commit();
-}
-
-NpyArray of(const std::vector<Vec3>& v) {
-  return npy_array(v.empty() ? nullptr : &v.data()->x, {v.size(), 3});
 }
 
 // Springs as rows i, j, x, y, z: in double, which holds every number of 32 bits.
