@@ -51,7 +51,7 @@ std::string output_name(const std::string& mesh, const Format* format) {
 
 void check_conversion(const PadArguments& a, const std::map<std::string, std::string>& given,
                       const std::string& file) {
-  // And those of the robots beside it. All others are about padding.
+  // A conversion takes these, or the robots beside it do. All others are about padding.
   static const std::set<std::string> fit = {
       "--format", "--density",       "--scale",        "--unit",  "--family",        "--mask",
       "--visual", "--robot-spheres", "--package-path", "--xacro", "--self-collision"};

@@ -53,7 +53,7 @@ struct CornerTree {
   }
 };
 
-std::vector<std::uint32_t> ends_of(const std::vector<DirectedEdge>& edges) {
+std::vector<std::uint32_t> all_ends(const std::vector<DirectedEdge>& edges) {
   std::vector<std::uint32_t> ends;
   for (const DirectedEdge& e : edges) ends.push_back(e.from), ends.push_back(e.to);
   return ends;
@@ -125,7 +125,7 @@ std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEd
 
 SplitEdges split_edges(const Mesh& mesh, const std::vector<std::uint32_t>& triangles,
                        const std::vector<DirectedEdge>& open, double width) {
-  const CornerTree open_ends(mesh, ends_of(open));
+  const CornerTree open_ends(mesh, all_ends(open));
   const std::vector<std::uint32_t>& ends = open_ends.corners;
   const std::vector<Point>& places = open_ends.places;
   const auto is_end = [&](std::uint32_t v) { return std::binary_search(ends.begin(), ends.end(), v); };
@@ -198,7 +198,7 @@ SplitEdges split_edges(const Mesh& mesh, const std::vector<std::uint32_t>& trian
 
 JoinedCorners join_corners(const Mesh& soup, const Mesh& mesh, const std::vector<DirectedEdge>& missing,
                            double width) {
-  const auto [border, places, tree] = CornerTree(mesh, ends_of(missing));
+  const auto [border, places, tree] = CornerTree(mesh, all_ends(missing));
   std::vector<std::uint32_t> to = numbered(mesh.points.size()), near;  // the first corner of those joined
   std::vector<char> taken(border.size(), 0);
   for (std::uint32_t k = 0; k < border.size(); k++) {

@@ -32,5 +32,11 @@ TEST(Excerpt, BytesThatAreNoUtf8AreEscaped) {
     for (const char c : excerpt(bytes)) EXPECT_TRUE(c >= ' ' && c <= '~') << excerpt(bytes);
 }
 
+TEST(ShortNumber, SignificantDigits) {
+  EXPECT_EQ(short_number(0.0123456, 3), "0.0123");
+  EXPECT_EQ(short_number(2, 4), "2");
+  EXPECT_EQ(short_number(1234567, 4), "1.235e+06");
+}
+
 }  // namespace
 }  // namespace padder
