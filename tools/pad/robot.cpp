@@ -85,8 +85,8 @@ void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
 // A URDF brings a .srdf of its pairs along, and one that is asked for by name, which has the spheres as well,
 // must not be lost to it.
 std::vector<OutputFile> in_writing_order(std::vector<OutputFile> files) {
-  std::ranges::stable_partition(
-      files, [](const OutputFile& file) { return std::string_view(file.format->name) != "srdf"; });
+  std::stable_partition(files.begin(), files.end(),
+                        [](const OutputFile& file) { return std::string_view(file.format->name) != "srdf"; });
   return files;
 }
 
