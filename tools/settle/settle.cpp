@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
@@ -27,7 +28,8 @@ using padder::settle::Watch;
 
 struct Arguments {
   std::string scene, output, checkpoint, resume, make, cluster, backend = "auto", lod = "0";
-  std::uint64_t steps = 0, frames = 0, count = 2000, seed = 1;
+  std::optional<std::uint64_t> steps;
+  std::uint64_t frames = 0, count = 2000, seed = 1;
   double skin = -1;
   int threads = 0;
   bool until_rest = false, json = false, quiet = false;
@@ -45,6 +47,7 @@ void declare(CLI::App& app, Arguments& a) {
                  "how many frames (default: 100 for a page, fewer where it would be above 30 MB; else the "
                  "last state alone)")
       ->check(whole())
+      ->check(CLI::PositiveNumber)
       ->type_name("N");
   app.add_option("--steps", a.steps, "steps to take (default: the scene's duration)")
       ->check(whole())
@@ -262,8 +265,9 @@ int settle(const Arguments& a) {
   Stepper stepper(std::move(scene.system), {a.threads, a.skin, backend});
   if (!a.resume.empty()) padder::settle::read_checkpoint(stepper, a.resume);
   const double whole = std::ceil(scene.duration / stepper.time_step() - 1e-9);
-  if (!(whole < 1e15)) throw padder::Error("the duration is more than 10^15 steps long: give --steps");
-  const std::uint64_t last = a.steps ? stepper.steps() + a.steps : static_cast<std::uint64_t>(whole);
+  if (!a.steps && !(whole < 1e15))
+    throw padder::Error("the duration is more than 10^15 steps long: give --steps");
+  const std::uint64_t last = a.steps ? stepper.steps() + *a.steps : static_cast<std::uint64_t>(whole);
   Frames frames(a, scene);
   const std::uint64_t wanted = a.frames ? a.frames
                                : frames.page()

@@ -140,7 +140,7 @@ void Stepper::detect_pairs() {
     if (!s_.grain_mask.empty()) input.spheres.mask = s_.grain_mask.data();
     if (!s_.grain_static.empty()) input.spheres.is_static = s_.grain_static.data();
   }
-  detector_.options().margin = skin_;
+  detector_.options().threads = threads_, detector_.options().margin = skin_;
   take_sorted(detector_.detect(input).pair_span());
 }
 
@@ -328,7 +328,6 @@ void Stepper::explode(const std::string& what) const {
 
 void Stepper::step_on_host() {
   threads_ = chosen_.choose(asked_threads_, s_.spheres());
-  detector_.options().threads = threads_;
   const double moved = place_and_measure();
   // A hair less than half the skin, for the rounding of positions.
   if (!found_ || skin_ == 0 || !(moved < 0.499999 * skin_)) find_candidates();

@@ -69,6 +69,7 @@ class Stepper {
   }
   void check() const;
   double place_and_measure();
+  void find_first_candidates();
   void find_candidates();
   void choose_skin();
   void detect_pairs();

@@ -1,12 +1,26 @@
 // SPDX-License-Identifier: MIT
 // What can be asked of a stepper between two steps: energies, contacts, a snapshot.
+#include <omp.h>
 
 #include "padding/asset/error.h"
 #include "tools/settle/stepper.h"
 
 namespace padder::settle {
 
+// Before the first step, and after resume(), no candidates are known: without them the energy of contacts
+// that press already would be missing.
+void Stepper::find_first_candidates() {
+  if (found_) return;
+  const double begun = omp_get_wtime();
+  threads_ = chosen_.choose(asked_threads_, s_.spheres());
+  place();
+  find_candidates();
+  chosen_.done();
+  effort_.seconds += omp_get_wtime() - begun;
+}
+
 Watch Stepper::watch() {
+  find_first_candidates();
   if (device_) {
     Watch w = device_->watch();
     w.deepest = deepest_, w.deepest_ratio = deepest_ratio_;

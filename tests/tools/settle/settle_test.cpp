@@ -376,6 +376,25 @@ TEST_P(SettleTest, ARunThatIsResumedHasTheBitsOfOneThatIsNot) {
   EXPECT_GT(whole.snapshot().contacts.size(), 2u);
 }
 
+// Two grains that press each other, one of them the floor as well: before the first step, and again where a
+// state without any spring of friction is resumed.
+TEST_P(SettleTest, WhatPressesAtTheStartHasEnergy) {
+  System s = empty_system(0);
+  s.walls.push_back(floor_with(0));
+  add_grain(s, {0, 0, 0.009}, 0.01, 2500), add_grain(s, {0.018, 0, 0.012}, 0.01, 2500);
+  s.step = step_limits(s).chosen;
+  const double between = 0.02 - std::hypot(0.018, 0.003), floor = 0.001;
+  const double stored = 0.5 * s.law.stiffness * (between * between + floor * floor);
+  Stepper stepper(s, on());
+  EXPECT_NEAR(stepper.watch().elastic, stored, 1e-9 * stored);
+  Stepper resumed(s, on());
+  resumed.step(3);
+  resumed.resume(Stepper(s, on()).snapshot());
+  EXPECT_NEAR(resumed.watch().elastic, stored, 1e-9 * stored);
+  stepper.step(100), resumed.step(100);
+  expect_same_bits(stepper, resumed);
+}
+
 TEST_P(SettleTest, WhatCannotBeSteppedIsRefusedInASentence) {
   const auto refused = [](const System& s, const std::string& part) {
     EXPECT_TRUE(refuses(

@@ -101,6 +101,20 @@ with tempfile.TemporaryDirectory() as folder:
     rest = report("pills.json", "--resume", "half.npz")
     assert rest["steps"] == whole["steps"] and rest["state"] == whole["state"], (rest, whole)
 
+    # No step at all: a checkpoint becomes a frame. A state at rest goes on, and what it wrote begins a scene.
+    none = report("pills.json", "--resume", "half.npz", "--steps", 0, "-o", "still.npz")
+    assert (none["steps"], none["frames"]) == (half, 1), none
+    ball = {"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0.5]], "radii": 0.5}],
+            "settle": {"planes": [{"point": [0, 0, 0], "normal": [0, 0, 1]}], "duration": 2}}
+    write("ball.json", ball)
+    assert report("ball.json", "--checkpoint", "ball.npz", "-o", "lying.npz")["at_rest"]
+    assert report("ball.json", "--resume", "ball.npz", "--steps", 100)["at_rest"]
+    write("again.json", {**ball, "spheres": [{"file": "lying_0000.npz"}]})
+    assert report("again.json", "--steps", 100)["at_rest"]
+    write("long.json", {**ball, "settle": {**ball["settle"], "duration": 1e300}})
+    assert report("long.json", "--steps", 3)["steps"] == 3
+    refused("--frames", "pills.json", "--frames", 0, code=2)
+
     run("settle", "pills.json", "--steps", 20, "-o", "out.vtp")
     assert open("out_0000.vtp", "rb").read(20).startswith(b"<?xml")
     shown = report("pills.json", "-o", "pills.html", "--frames", 5)
