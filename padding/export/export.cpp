@@ -74,9 +74,27 @@ std::size_t neighbours_beyond_families(const Model& model) {
   }));
 }
 
+// How many bodies stand in each other at most.
+std::size_t deepest(const Model& model) {
+  std::vector<std::size_t> depth;
+  for (const Body& b : model.bodies)
+    depth.push_back(b.parent < 0 ? 1 : depth[static_cast<std::size_t>(b.parent)] + 1);
+  return depth.empty() ? 0 : *std::ranges::max_element(depth);
+}
+
+// MuJoCo reads XML of fewer than 500 elements inside each other, and up to version 2.2 of fewer than 100.
+// Three of them are not bodies.
+constexpr std::size_t kMujocoDeepest = 496, kOldMujocoDeepest = 96;
+
+bool nested(const Format& format) { return std::string_view(format.name) == "mujoco"; }
+
 void check(const Model& model, const Format& format, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw Error("cannot write " + where + ": " + what); };
   if (model.spheres() == 0) fail("there is no sphere in it");
+  if (nested(format) && deepest(model) > kMujocoDeepest)
+    fail("its bodies hang on each other in a chain of " + std::to_string(deepest(model)) +
+         ", and MuJoCo reads " + std::to_string(kMujocoDeepest) +
+         " at most: write another format, or shorten the chain");
   check_filters(model, format);
   const auto with_spheres = std::count_if(model.bodies.begin(), model.bodies.end(),
                                           [](const Body& b) { return b.cluster.size() > 0; });
@@ -179,6 +197,10 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
   if (const std::size_t n = neighbours_beyond_families(model); n > 0 && format.filter == F::numbers)
     warnings.push_back(model.name + " has more moving parts than 32 families can tell apart: in " +
                        path.string() + " " + std::to_string(n) + " pairs of neighbours may touch");
+  if (nested(format) && deepest(model) > kOldMujocoDeepest)
+    warnings.push_back("the bodies of " + model.name + " hang on each other in a chain of " +
+                       std::to_string(deepest(model)) + ": MuJoCo 2.2 reads " +
+                       std::to_string(kOldMujocoDeepest) + " at most");
   return warnings;
 }
 

@@ -2,6 +2,7 @@
 // Writes URDF, with one <collision> for each sphere, and MoveIt's SRDF.
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <pugixml.hpp>
 #include <sstream>
 
@@ -99,10 +100,11 @@ std::string edited(const Job& job) {
   return text_of(document);
 }
 
-std::string reason_of(const Model& model, std::size_t i, std::size_t j) {
-  for (const Apart& p : model.apart)
-    if (std::min(p.a, p.b) == i && std::max(p.a, p.b) == j) return p.reason;
-  return Apart().reason;  // of families and masks
+// Of the pairs that the model lists; others may not touch by families and masks.
+std::map<std::pair<std::size_t, std::size_t>, std::string> reasons_of(const Model& model) {
+  std::map<std::pair<std::size_t, std::size_t>, std::string> out;
+  for (const Apart& p : model.apart) out.emplace(std::minmax(p.a, p.b), p.reason);
+  return out;
 }
 
 std::string srdf(const Job& job, bool spheres) {
@@ -120,11 +122,13 @@ std::string srdf(const Job& job, bool spheres) {
           set(sphere, "radius", number(body.cluster.radii[k]));
     }
   }
+  const auto reasons = reasons_of(job.model);
   for (const auto& [i, j] : job.pairs) {
     if (job.model.bodies[i].cluster.size() == 0 || job.model.bodies[j].cluster.size() == 0) continue;
+    const auto reason = reasons.find({i, j});
     pugi::xml_node pair = robot.append_child("disable_collisions");
     set(pair, "link1", job.model.bodies[i].name), set(pair, "link2", job.model.bodies[j].name);
-    set(pair, "reason", reason_of(job.model, i, j));
+    set(pair, "reason", reason != reasons.end() ? reason->second : Apart().reason);
   }
   return text_of(document);
 }

@@ -7,6 +7,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/export/families.h"
+#include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {
@@ -62,6 +63,37 @@ Model heap(const std::vector<CollisionFilter>& filters) {
     m.bodies.push_back(b);
   }
   return m;
+}
+
+// MuJoCo's own answer is what 2.2.2 reads. A longer chain is written with a warning, until no version reads
+// it.
+TEST_F(MujocoTest, AChainThatIsTooLongForItsReaderIsTold) {
+  const auto chain = [](int bodies) {
+    Model m;
+    m.name = "chain";
+    for (int k = 0; k < bodies; k++) {
+      Body b;
+      b.name = "b" + std::to_string(k);
+      b.parent = k - 1;
+      b.pose = Eigen::Translation3d(1, 0, 0);  // no two touch
+      b.joint.name = "j" + std::to_string(k);
+      b.joint.type = Joint::Type::revolute;
+      b.cluster = brick();
+      b.cluster.centers.resize(1), b.cluster.radii.resize(1);
+      m.bodies.push_back(std::move(b));
+    }
+    return m;
+  };
+  const auto told = [&](int bodies) {
+    return write_model(chain(bodies), folder_ / "m.xml", find_format("m.xml", ""));
+  };
+  load(chain(96));
+  EXPECT_TRUE(told(96).empty());
+  ASSERT_EQ(told(97).size(), 1u);
+  EXPECT_NE(told(97)[0].find("MuJoCo 2.2 reads 96"), std::string::npos) << told(97)[0];
+  char error[1000] = "";
+  EXPECT_EQ(mj_loadXML((folder_ / "m.xml").c_str(), nullptr, error, sizeof error), nullptr);
+  EXPECT_TRUE(refuses([&] { told(5000); }, "a chain of 5000"));
 }
 
 TEST_F(MujocoTest, AFreeBodyWithTheTrueMass) {
