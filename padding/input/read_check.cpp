@@ -55,7 +55,8 @@ void check_stl(std::string& bytes, const std::string& where, std::vector<std::st
   start.remove_prefix(std::min(start.find_first_not_of(" \t\r\n"), start.size()));
   if (lower_case(start.substr(0, 5)) == "solid" && head.find('\0') == head.npos) {
     check_ascii_stl(bytes, where);
-    bytes = lower_case(bytes);  // assimp does not know upper case
+    // assimp knows neither upper case nor blanks before the first word.
+    bytes = lower_case(bytes).substr(head.size() - start.size());
     return;
   }
   if (bytes.size() < 84)

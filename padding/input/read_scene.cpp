@@ -219,6 +219,21 @@ std::map<fs::path, fs::path> buffers_beside(const nlohmann::json& json, const fs
   return beside;
 }
 
+// assimp gives the shape without its morph targets. The weights of a node go before those of its mesh.
+void check_morphs(const JsonPlace<nlohmann::json>& document) {
+  for (std::size_t k = 0; document.has("nodes") && k < document.at("nodes").size(); k++) {
+    const auto node = document.at("nodes").at(k);
+    if (!node.has("mesh") || !document.has("meshes")) continue;
+    const std::uint64_t index = node.at("mesh").whole(~std::uint64_t(0));
+    if (index >= document.at("meshes").size()) continue;  // assimp says so
+    const auto mesh = document.at("meshes").at(index), holder = node.has("weights") ? node : mesh;
+    for (std::size_t w = 0; holder.has("weights") && w < holder.at("weights").size(); w++)
+      if (holder.at("weights").at(w).real() != 0)
+        holder.at("weights").fail(
+            "a morph target that shows is not read: export the mesh with its shape applied");
+  }
+}
+
 // What assimp would take without a word, or end at. A quaternion that is not of length 1 stretches the part.
 void check_places(const JsonPlace<nlohmann::json>& document) {
   for (std::size_t k = 0; document.has("nodes") && k < document.at("nodes").size(); k++) {
@@ -280,6 +295,7 @@ FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::
         name == "EXT_meshopt_compression")
       fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
   check_places(document);
+  check_morphs(document);
   FilesBeside beside;
   for (const auto& [asked, file] : buffers_beside(json, path)) beside[asked] = read_file(file);
   return beside;

@@ -224,6 +224,7 @@ TEST_F(Read, StlInBothForms) {
   EXPECT_EQ(read("a.stl", "solid a facet\n" + facet + facet + "endsolid a\nsolid b\n" + facet + "endsolid\n")
                 .mesh.triangles.size(),
             3u);
+  EXPECT_EQ(read("blank.stl", "\n\n \tsolid a\n" + facet + "endsolid a\n").mesh.triangles.size(), 1u);
   expect_fault(put("cut.stl", binary_stl(m).substr(0, 500)), "promises 12 facets, but has room for 8");
   expect_fault(put("few.stl", binary_stl(m).replace(80, 1, 1, '\3')), "promises 3 facets, but has 12");
   expect_fault(put("word.stl", "solid\nfacet\nvertex 0 0 zero\n"), "line 3: 'zero' is not a number");
@@ -556,6 +557,26 @@ TEST_F(Read, PlacesThatGltfDoesNotAllowAreRefused) {
   std::string skin = mirrored_gltf;
   expect_fault(put("s.gltf", skin.insert(skin.find("\"nodes\":[{"), "\"skins\":[{\"joints\":[1]}],")),
                "skins 0: a skin without inverseBindMatrices is not read");
+}
+
+// A shape that its morph targets have changed is not the mesh that assimp gives.
+TEST_F(Read, MorphTargetsThatShowAreRefused) {
+  put("data.bin", gltf_buffer());
+  const auto with = [this](const std::string& node, const std::string& mesh) {
+    std::string scene = mirrored_gltf;
+    const auto put_before = [&](const std::string& at, const std::string& text) {
+      scene.insert(scene.find(at), text);
+    };
+    put_before("\"mesh\":0}", node), put_before("\"primitives\"", mesh);
+    put_before("\"indices\":0", R"("targets":[{"POSITION":1}],)");
+    return put("s.gltf", scene);
+  };
+  const std::string none = R"("weights":[0.0],)", some = R"("weights":[0.5],)";
+  EXPECT_EQ(fault(with("", "")), "");
+  EXPECT_EQ(fault(with("", none)), "");
+  expect_fault(with("", some), "meshes 0, weights: a morph target that shows is not read");
+  expect_fault(with(some, none), "nodes 0, weights: a morph target that shows is not read");
+  expect_fault(with(none, some), "meshes 0, weights");  // the second node has no weights of its own
 }
 
 // A joint holds the triangle: it stands where the joint puts it, however its own node is placed.
