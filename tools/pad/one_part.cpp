@@ -58,16 +58,16 @@ void check_conversion(const PadArguments& a, const std::map<std::string, std::st
   if (!is_sphere_file(file) || is_robot(file)) return;
   if (std::error_code code; !fs::exists(file, code)) return;  // its reader says so
   if (a.outputs.empty() && a.format.empty())
-    throw cli::UsageError(file + " holds spheres already: name with -o what to convert it to");
+    throw cli::UsageError(file + " is a file of spheres, by its ending: name with -o what to convert it to");
   std::vector<std::string> unfit;
   for (const auto& [option, value] : given)
     if (!fit.contains(option)) unfit.push_back(option);
   if (!a.preview.empty()) unfit.push_back("--preview");
   if (!a.write_mesh.empty()) unfit.push_back("--write-mesh");
   if (!unfit.empty())
-    throw cli::UsageError(file +
-                          " holds spheres already, which are converted and not padded again: leave out " +
-                          cli::listed(unfit));
+    throw cli::UsageError(
+        file + " is a file of spheres, by its ending, which is converted and not padded again: leave out " +
+        cli::listed(unfit));
 }
 
 namespace {
