@@ -88,6 +88,14 @@ constexpr std::size_t kMujocoDeepest = 496, kOldMujocoDeepest = 96;
 
 bool nested(const Format& format) { return std::string_view(format.name) == "mujoco"; }
 
+// Can a body have them? A file of spheres may have been written by hand.
+bool possible(const MassProperties& m) {
+  const double most = m.moments.cwiseAbs().maxCoeff(), rounding = 1e-6;
+  const Eigen::Matrix3d inertia = m.axes * m.moments.asDiagonal() * m.axes.transpose();
+  return most > 0 && m.moments.minCoeff() >= -rounding * most && m.axes.determinant() > 0 &&
+         m.axes.isUnitary(rounding) && (inertia - m.inertia).cwiseAbs().maxCoeff() <= rounding * most;
+}
+
 void check(const Model& model, const Format& format, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw Error("cannot write " + where + ": " + what); };
   if (model.spheres() == 0) fail("there is no sphere in it");
@@ -107,6 +115,9 @@ void check(const Model& model, const Format& format, const std::string& where) {
     if (format.mass_frame && c.size() > 0 && !(c.mass.volume > 0))
       fail(b.name + " has no volume (an open sheet, or spheres without a mesh), and " + format.program +
            " wants mass and moments: close the mesh, or pad it with --repair wrap");
+    if (exporting::states_mass(format) && !b.inertial && c.mass.volume > 0 && !possible(c.mass))
+      fail("no body has the mass properties of " + b.name +
+           " (moments below 0, axes that are no rotation, or an inertia of others): pad its mesh again");
     if (format.filter == F::none && (c.family != 0 || c.mask != 0))
       fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
            " sets who may touch whom in its own script): pad without --family and --mask");

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
+#include <functional>
 #include <map>
 
 #include "padding/export/writers.h"
+#include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {
@@ -53,6 +55,27 @@ TEST_F(WarningsTest, TheMassOfAWrapIsNotWrittenWithoutAWord) {
     for (const auto& sentence : sentences) EXPECT_NE(sentence.find("brick"), std::string::npos) << sentence;
     model.bodies[0].inertial = Inertial{};  // stated by the robot's own file
     EXPECT_TRUE(told().empty()) << format.name;
+  }
+}
+
+TEST_F(WarningsTest, MassPropertiesThatNoBodyHasAreNotWritten) {
+  using Spoil = std::function<void(MassProperties&)>;
+  const auto told = [&](const Format& format, const Spoil& spoil) {
+    Model model = model_of(brick());
+    spoil(model.bodies[0].cluster.mass);
+    return error_of(
+        [&] { write_model(model, folder_ / (std::string("a") + format.name + format.ending), format); });
+  };
+  for (const Format& format : formats()) {
+    EXPECT_EQ(told(format, [](MassProperties&) {}), "") << format.name;
+    for (const Spoil& spoil : std::initializer_list<Spoil>{
+             [](MassProperties& m) { m.moments *= -1, m.inertia *= -1; },
+             [](MassProperties& m) { m.axes.setZero(); }, [](MassProperties& m) { m.axes.col(0) *= -1; },
+             [](MassProperties& m) { m.inertia.setZero(); },
+             [](MassProperties& m) { m.moments.setZero(), m.inertia.setZero(); }})
+      EXPECT_EQ(told(format, spoil).find("no body has the mass properties of brick") != std::string::npos,
+                exporting::states_mass(format))
+          << format.name;
   }
 }
 
