@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <set>
 
 #include "detect/scene/scene.h"
 #include "padding/asset/error.h"
@@ -157,11 +158,14 @@ class Reader {
         surfaces[a][b] = {damping_ratio_of(0.5 * (materials_[a].restitution + materials_[b].restitution)),
                           0.5 * (materials_[a].friction + materials_[b].friction)};
     if (!r_.has("material_pairs")) return;
+    std::set<std::pair<std::uint8_t, std::uint8_t>> said;
     for (std::size_t k = 0; k < r_.at("material_pairs").size(); k++) {
       const Place p = r_.at("material_pairs").at(k), of = p.at("of");
       p.only({"of", "friction", "restitution"});
       if (of.size() != 2) of.fail("the names of two materials are wanted");
       const std::uint8_t a = material_named(of.at(std::size_t(0))), b = material_named(of.at(1));
+      if (!said.insert(std::minmax(a, b)).second)
+        p.fail("an entry before is of the same two materials: write one for each");
       const double mean = 0.5 * (materials_[a].restitution + materials_[b].restitution);
       surfaces[a][b] = {damping_ratio_of(restitution_at(p, mean)),
                         real_at(p, "friction", surfaces[a][b].friction)};
@@ -397,6 +401,7 @@ class Reader {
     Bushing u;
     if (b.at("bodies").size() != 2) b.at("bodies").fail("two bodies are wanted");
     u.a = body_number(b.at("bodies").at(std::size_t(0))), u.b = body_number(b.at("bodies").at(1));
+    if (u.a == u.b) b.at("bodies").fail("two different bodies are wanted");
     const Vec3 at = vector_at(b.at("at"));
     u.on_a = transposed_times(s.bodies[u.a].rotation, at - s.position[u.a]);
     u.on_b = transposed_times(s.bodies[u.b].rotation, at - s.position[u.b]);

@@ -186,6 +186,11 @@ with tempfile.TemporaryDirectory() as folder:
     ice["settle"]["bodies"].append(ice["settle"]["bodies"][0])
     write("twice.json", ice)
     refused("of the same body", "twice.json")
+    write("twice.json", scene_of(materials={"ice": {}}, material_pairs=[{"of": ["ice", "default"], "friction": 0.1},
+                                                                        {"of": ["default", "ice"], "friction": 0.9}]))
+    refused("of the same two materials", "twice.json")
+    write("alone.json", scene_of(bushings=[{"bodies": [0, 0], "at": [0, 0, 0], "stiffness": 1}]))
+    refused("two different bodies", "alone.json")
     ice["settle"]["bodies"].pop()
     ice["settle"]["materials"] = {f"m{k}": {} for k in range(8)}
     write("ice.json", ice)
