@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/error_of.h"
 #include "tests/padding/shapes.h"
 
 namespace padder::audit {
@@ -30,6 +31,30 @@ TEST(MassInside, GoesOnBehindAHole) {
   });
   ASSERT_EQ(open.triangles.size(), 10u);
   expect_box(open, 0.01);
+}
+
+// A box in one ball.
+Cluster ball() {
+  Cluster c;
+  c.centers = {(low + high) / 2}, c.radii = {(high - low).norm() / 2 + 1e-9}, c.triangle = {0};
+  c.accuracy.protrusion_max = (high - low).norm() / 2;
+  return c;
+}
+
+TEST(Measure, TrianglesWithTwoCornersAtOnePointAreNoSurface) {
+  Mesh mesh = shapes::box(low, high);
+  EXPECT_TRUE(measure(mesh, nullptr, ball(), 1000, 1).holds());
+  mesh.points.push_back({1, 1, 3}), mesh.points.push_back({1, 2, 3});
+  mesh.triangles.push_back({8, 9, 9}), mesh.triangles.push_back({8, 8, 8});
+  const Measured degenerate = measure(mesh, nullptr, ball(), 1000, 1);
+  EXPECT_TRUE(degenerate.holds()) << degenerate.gap;
+  mesh.points.push_back({2, 1, 3}), mesh.triangles.push_back({8, 9, 10});
+  EXPECT_FALSE(measure(mesh, nullptr, ball(), 1000, 1).holds());
+}
+
+TEST(Measure, WhatIsTooThinIsRefused) {
+  const Mesh needle = shapes::box({0, 0, 0}, {1, 1e-10, 1e-10});
+  EXPECT_TRUE(refuses([&] { measure(needle, nullptr, ball(), 1000, 1); }, "no triangle is high enough"));
 }
 
 }  // namespace
