@@ -41,6 +41,7 @@ Stepper::Stepper(System system, const StepperOptions& options) : s_(std::move(sy
     const double r = s_.radius_of(k);
     centers_[k].r = r, smallest_ = std::min(smallest_, r), mean_ += r / static_cast<double>(s_.spheres());
   }
+  check_rims();
   asked_threads_ = options.threads;
   fixed_skin_ = options.skin >= 0;
   skin_ = fixed_skin_ ? options.skin : 0.1 * mean_;
@@ -66,6 +67,22 @@ void Stepper::check() const {
   for (std::size_t m = 0; m < s_.movers(); m++)
     if (!finite(s_.position[m]) || !finite(s_.velocity[m]) || !finite(s_.spin[m]))
       throw Error("the position or velocity of mover " + std::to_string(m) + " is not finite");
+}
+
+// integrate() looks at the centres of what moves freely. Here are the spheres of bodies, which a spin moves,
+// too, and driven bodies, which keep their speed.
+void Stepper::check_rims() const {
+  for (std::size_t b = 0; b < s_.bodies.size(); b++) {
+    if (s_.inverse_mass[b] == 0 && !s_.driven[b]) continue;
+    double reach = 0;
+    for (const detect::Sphere& q : s_.shapes[s_.bodies[b].shape])
+      reach = std::max(reach, length(center_of(q)) + q.r);
+    const double moved = s_.step * (length(s_.velocity[b]) + length(s_.spin[b]) * reach);
+    if (!(moved <= 0.5 * smallest_))
+      throw Error("body " + std::to_string(b) + " moves by up to " + number(moved) +
+                  " in a step, which is more than half the smallest radius of " + number(smallest_) +
+                  ": use a shorter time step, or a lower velocity and spin");
+  }
 }
 
 void Stepper::place() {

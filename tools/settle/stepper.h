@@ -68,6 +68,7 @@ class Stepper {
     return sphere < body_spheres_ ? owner_[sphere] : sphere - grain_shift_;
   }
   void check() const;
+  void check_rims() const;
   double place_and_measure();
   void find_first_candidates();
   void find_candidates();

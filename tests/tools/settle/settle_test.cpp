@@ -415,6 +415,19 @@ TEST_P(SettleTest, WhatCannotBeSteppedIsRefusedInASentence) {
   System fast = heap(2, 2, 2, 1);
   fast.velocity[3] = {1e5, 0, 0};
   refused(fast, "grain 3 has a speed of");
+  // The rims of bodies: one that spins, and one that is driven through whatever is there.
+  System bodies = empty_system();
+  add_body(bodies, 0, rod(bodies, 20, 0.008, 0.004, 2500), {0, 0, 1}, {});
+  add_grain(bodies, {0, 0, 2}, 0.01, 2500);
+  bodies.step = step_limits(bodies).chosen;
+  const double longest = 0.5 * 0.008 / bodies.step;
+  System spinning = bodies, driven = bodies;
+  spinning.spin[0] = {0, longest / 0.04, 0};  // the rod is 0.092 long
+  refused(spinning, "body 0 moves by up to");
+  driven.driven[0] = 1, driven.inverse_mass[0] = 0, driven.velocity[0] = {1.01 * longest, 0, 0};
+  refused(driven, "body 0 moves by up to");
+  driven.velocity[0] = {0.99 * longest, 0, 0};
+  EXPECT_NO_THROW(Stepper(driven, on()).step(5));
 }
 
 // A box of 30 layers, and a room inside of it that nobody sees: what is near the top or a side is seen.
