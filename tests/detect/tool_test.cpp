@@ -66,6 +66,18 @@ TEST_F(DetectTool, FilesFromAnyBackendAndPathAreTheSame) {
   EXPECT_EQ(read_file(folder_ / "a.csv"), read_file(folder_ / "b.csv"));
 }
 
+// Spheres are given in formats that contacts are written in, too.
+TEST_F(DetectTool, TheSceneIsNotOverwritten) {
+  write_file(folder_ / "grains.npz", "spheres");
+  fs::create_symlink("grains.npz", folder_ / "link.npz");
+  for (const char* output : {"grains.npz", "./grains.npz", "link.npz"}) {
+    const Outcome r = run(std::string("grains.npz -o ") + output);
+    EXPECT_EQ(r.code, 2);
+    EXPECT_NE(r.err.find("is the scene itself"), std::string::npos) << r.err;
+    EXPECT_EQ(read_file(folder_ / output), "spheres");
+  }
+}
+
 TEST_F(DetectTool, CopiesOfACluster) {
   Cluster c;
   c.name = "ball", c.centers = {Point(0, 0, 0), Point(1, 0, 0)}, c.radii = {1, 1}, c.triangle = {0, 0};

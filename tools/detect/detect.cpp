@@ -265,6 +265,8 @@ int run(Arguments& a) {
   const std::string ending = std::filesystem::path(a.output).extension().string();
   if (!printed && !a.output.empty() && (ending.empty() || !format_names().contains(ending.substr(1))))
     throw UsageError("cannot tell the format of " + a.output + ": end it with .csv, .npz, .vtp or .npy");
+  if (std::error_code code; !a.output.empty() && std::filesystem::equivalent(a.output, a.scene, code))
+    throw UsageError(a.output + " is the scene itself: name another file with -o");
   if (printed) a.quiet = true, a.output = files.output("contacts." + a.format);
   const int code = find_contacts(a);
   files.deliver();
