@@ -70,18 +70,22 @@ void Stepper::check() const {
 }
 
 // integrate() looks at the centres of what moves freely. Here are the spheres of bodies, which a spin moves,
-// too, and driven bodies, which keep their speed.
+// too, and driven bodies, which keep their speed. A body may have finer spheres than what it meets, so that
+// grains count where there are any.
 void Stepper::check_rims() const {
+  double smallest = INFINITY;
+  for (std::uint64_t k = body_spheres_; k < s_.spheres(); k++) smallest = std::min(smallest, s_.radius_of(k));
+  if (body_spheres_ == s_.spheres()) smallest = smallest_;
   for (std::size_t b = 0; b < s_.bodies.size(); b++) {
     if (s_.inverse_mass[b] == 0 && !s_.driven[b]) continue;
     double reach = 0;
     for (const detect::Sphere& q : s_.shapes[s_.bodies[b].shape])
       reach = std::max(reach, length(center_of(q)) + q.r);
     const double moved = s_.step * (length(s_.velocity[b]) + length(s_.spin[b]) * reach);
-    if (!(moved <= 0.5 * smallest_))
+    if (!(moved <= 0.5 * smallest))
       throw Error("body " + std::to_string(b) + " moves by up to " + number(moved) +
-                  " in a step, which is more than half the smallest radius of " + number(smallest_) +
-                  ": use a shorter time step, or a lower velocity and spin");
+                  " in a step, which is more than half the radius " + number(smallest) +
+                  " of the smallest that it may meet: use a shorter time step, or a lower velocity and spin");
   }
 }
 

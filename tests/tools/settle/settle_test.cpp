@@ -420,7 +420,7 @@ TEST_P(SettleTest, WhatCannotBeSteppedIsRefusedInASentence) {
   add_body(bodies, 0, rod(bodies, 20, 0.008, 0.004, 2500), {0, 0, 1}, {});
   add_grain(bodies, {0, 0, 2}, 0.01, 2500);
   bodies.step = step_limits(bodies).chosen;
-  const double longest = 0.5 * 0.008 / bodies.step;
+  const double longest = 0.5 * 0.01 / bodies.step;  // half the radius of the grain
   System spinning = bodies, driven = bodies;
   spinning.spin[0] = {0, longest / 0.04, 0};  // the rod is 0.092 long
   refused(spinning, "body 0 moves by up to");
