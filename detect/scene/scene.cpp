@@ -42,7 +42,8 @@ Assets read_assets(const Reader& clusters, Scene& scene, const std::filesystem::
   Assets assets;
   if (!clusters.json().is_object()) clusters.fail("an object of names and files is wanted");
   for (const auto& [name, unused] : clusters.json().items()) {
-    const Cluster c = read_cluster(folder / clusters.at(name).file());
+    scene.files.push_back(folder / clusters.at(name).file());
+    const Cluster c = read_cluster(scene.files.back());
     if (!c.unit.empty() && !scene.unit.empty() && c.unit != scene.unit)
       clusters.at(name).fail("the cluster is in " + excerpt(c.unit) + ", the scene in " +
                              excerpt(scene.unit) + ": pad it again in the scene's unit");
@@ -186,8 +187,10 @@ Scene scene_of(const Json& json, const std::string& where, const std::filesystem
   if (r.has("spheres")) {
     const Reader spheres = r.at("spheres");
     if (loose == LooseAs::mapped) scene.mapped = mapped_file(spheres, folder);
-    for (std::size_t k = 0; !scene.mapped && k < spheres.size(); k++)
-      scene.loose.append(read_loose(spheres.at(k), folder));
+    for (std::size_t k = 0; k < spheres.size(); k++) {
+      if (spheres.at(k).has("file")) scene.files.push_back(folder / spheres.at(k).at("file").file());
+      if (!scene.mapped) scene.loose.append(read_loose(spheres.at(k), folder));
+    }
     if (!without.empty()) use_all(scene.spheres(), families);
   }
   for (const std::size_t k : without) scene.bodies[k].family = families.next_unused();
@@ -279,11 +282,13 @@ Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t cop
   if (path.extension() == ".npy" || path.extension() == ".npz") {
     refuse_copies(copies, path.string(), "a file of spheres has no bodies");
     Scene scene;
-    scene.mapped = std::make_shared<const SphereFile>(path);
+    scene.mapped = std::make_shared<const SphereFile>(path), scene.files = {path};
     return scene;
   }
-  return scene_or_cluster_from_json(read_file(path, kMostText), path.string(), path.parent_path(), copies,
-                                    loose);
+  Scene scene = scene_or_cluster_from_json(read_file(path, kMostText), path.string(), path.parent_path(),
+                                           copies, loose);
+  scene.files.push_back(path);
+  return scene;
 }
 
 Scene scene_or_cluster_from_json(std::string_view text, const std::string& where,

@@ -67,15 +67,19 @@ TEST_F(DetectTool, FilesFromAnyBackendAndPathAreTheSame) {
 }
 
 // Spheres are given in formats that contacts are written in, too.
-TEST_F(DetectTool, TheSceneIsNotOverwritten) {
-  write_file(folder_ / "grains.npz", "spheres");
-  fs::create_symlink("grains.npz", folder_ / "link.npz");
-  for (const char* output : {"grains.npz", "./grains.npz", "link.npz"}) {
-    const Outcome r = run(std::string("grains.npz -o ") + output);
+TEST_F(DetectTool, FilesOfTheSceneAreNotOverwritten) {
+  const std::string grains = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
+  write_file(folder_ / "grains.csv", grains);
+  fs::create_symlink("grains.csv", folder_ / "link.csv");
+  write_file(folder_ / "grains.json",
+             R"({"format": "padder.scene", "version": 1, "spheres": [{"file": "grains.csv"}]})");
+  for (const char* output : {"grains.csv", "./grains.csv", "link.csv"}) {
+    const Outcome r = run(std::string("grains.json -o ") + output);
     EXPECT_EQ(r.code, 2);
-    EXPECT_NE(r.err.find("is the scene itself"), std::string::npos) << r.err;
-    EXPECT_EQ(read_file(folder_ / output), "spheres");
+    EXPECT_NE(r.err.find("is a file of the scene itself"), std::string::npos) << r.err;
+    EXPECT_EQ(read_file(folder_ / output), grains);
   }
+  EXPECT_EQ(run("grains.json -o other.csv").code, 0);
 }
 
 TEST_F(DetectTool, CopiesOfACluster) {

@@ -265,8 +265,6 @@ int run(Arguments& a) {
   const std::string ending = std::filesystem::path(a.output).extension().string();
   if (!printed && !a.output.empty() && (ending.empty() || !format_names().contains(ending.substr(1))))
     throw UsageError("cannot tell the format of " + a.output + ": end it with .csv, .npz, .vtp or .npy");
-  if (std::error_code code; !a.output.empty() && std::filesystem::equivalent(a.output, a.scene, code))
-    throw UsageError(a.output + " is the scene itself: name another file with -o");
   if (printed) a.quiet = true, a.output = files.output("contacts." + a.format);
   const int code = find_contacts(a);
   files.deliver();
@@ -276,8 +274,14 @@ int run(Arguments& a) {
 }  // namespace
 
 Scene read_input(const Arguments& a, LooseAs loose) {
-  if (!padder::cli::is_stream(a.scene)) return read_scene_or_cluster(a.scene, a.copies, loose);
-  return scene_or_cluster_from_json(padder::cli::read_stdin(), "the standard input", ".", a.copies, loose);
+  Scene scene =
+      padder::cli::is_stream(a.scene)
+          ? scene_or_cluster_from_json(padder::cli::read_stdin(), "the standard input", ".", a.copies, loose)
+          : read_scene_or_cluster(a.scene, a.copies, loose);
+  for (const std::filesystem::path& file : scene.files)
+    if (std::error_code code; !a.output.empty() && std::filesystem::equivalent(a.output, file, code))
+      throw UsageError(a.output + " is a file of the scene itself: name another one with -o");
+  return scene;
 }
 
 void print_seconds(const Json& seconds) {
