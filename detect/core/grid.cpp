@@ -349,20 +349,20 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
 
 }  // namespace
 
-// Found by trying random factors for a minute each. The bins that share a bucket are a lattice. Its points
-// should not be near each other, however that is measured:
+// Found by trying random factors, up to a minute for each ring. The bins that share a bucket are a lattice,
+// whose points should not be near each other, however that is measured:
 //
 // The cubes whose bins have buckets of their own are within a fifth of the largest that were found.
 //
 // The product of the distances along the axes, with 1 for a distance of 0, is large (Zaremba's index; S. K.
-// Zaremba, "Good lattice points, discrepancy, and numerical integration", 1966). So boxes and planes of bins
-// fill the ring evenly, and lines along the axes and diagonals, too. With factors that were chosen by cubes
-// alone, a layer of 2^22 bins filled an eighth of its ring.
+// Zaremba, "Good lattice points, discrepancy, and numerical integration", 1966). So boxes, planes and lines
+// of bins fill the ring evenly. With factors that were chosen by cubes alone, a square layer of 2^22 bins
+// filled an 18th of a ring of 2^23, not two fifths.
 //
-// From 2^21 buckets on, rows that are neighbours are also near each other in the ring: `row` is between 2^14
-// and 2^15 times the root of ring / 2^21, and `plane` between 3 and 4 times `row`. A search through the
-// spheres in the order of the ring reads each row five times within a short while, and the caches still have
-// it. Rings that are smaller fit in them as a whole.
+// From 2^21 buckets on, neighbouring rows are near each other in the ring: `row` is between 2^14 and 2^15
+// times the root of ring / 2^21, and `plane` between 3 and 4 times `row`. A search through the spheres in the
+// order of the ring reads each row five times within a short while, and the caches still have it. A smaller
+// ring fits in them as a whole.
 Hash hash_of_ring(int bits) {
   static constexpr Hash kHash[] = {
       {445, 389, 8},         {711, 1239, 11},       {1661, 1803, 14},     {7343, 1115, 18},

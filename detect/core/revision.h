@@ -19,8 +19,8 @@ class RevisionKeeper {
   // is out of range.
   using ReadPoses = std::function<std::vector<Pose>()>;
   Input resolve(const Input& input, const ReadPoses& read_poses);
-  // The same for a reader who remembers nothing: all bodies at their poses, no revision and nothing else. For
-  // poses in host memory.
+  // The same for a reader who remembers nothing between calls: the bodies have their poses, and no revision,
+  // `moved` or `poses` is left. For poses in host memory.
   Input settle(const Input& input);
   void forget() noexcept { revision_ = 0; }
 

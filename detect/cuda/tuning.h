@@ -36,7 +36,7 @@ inline constexpr std::uint32_t kBucketShared = 226 * 1024;
 
 // The same of hashed levels, in parts of that, because lines and planes of spheres come in runs. Rows of
 // bench scenes, 5e6, with 0.6, 0.7 and 0.8 (H100): lines 0.544, 0.521, 0.613 ms; sheet 0.513, 0.496, 0.489;
-// poly_layer 0.739, 0.731, 0.767; escaped, clump and shell within 2 %.
+// poly_layer 0.739, 0.731, 0.767; escaped, clump and shell within 3 %.
 inline constexpr double kHashedBucket = 0.7;
 
 // How often buckets are halved on average before another way is tried, since some overflow. No row of its

@@ -218,7 +218,9 @@ Scene scene_from_json(std::string_view text, const std::string& where, const std
 }
 
 Scene read_scene(const std::filesystem::path& path) {
-  return scene_from_json(read_file(path, kMostText), path.string(), path.parent_path());
+  Scene scene = scene_from_json(read_file(path, kMostText), path.string(), path.parent_path());
+  scene.files.push_back(path);
+  return scene;
 }
 
 std::vector<Rung> rungs_of(const Cluster& c) {

@@ -33,7 +33,7 @@ struct Scene {
   std::vector<Body> bodies;  // with their final families and masks
   LooseSpheres loose;
   std::shared_ptr<const SphereFile> mapped;  // instead of `loose`, if the caller asked for it
-  std::vector<std::filesystem::path> files;  // that were read, the scene's own among them if it is one
+  std::vector<std::filesystem::path> files;  // those that it was read from
 
   // The scene as the detector takes it. It refers to the scene, which must not be moved or changed while it
   // is used.

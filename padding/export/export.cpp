@@ -74,7 +74,7 @@ std::size_t neighbours_beyond_families(const Model& model) {
   }));
 }
 
-// How many bodies stand in each other at most.
+// The longest chain of bodies that hang on each other.
 std::size_t deepest(const Model& model) {
   std::vector<std::size_t> depth;
   for (const Body& b : model.bodies)
@@ -86,9 +86,10 @@ std::size_t deepest(const Model& model) {
 // Three of them are not bodies.
 constexpr std::size_t kMujocoDeepest = 496, kOldMujocoDeepest = 96;
 
+// Does a body stand inside the one that it hangs on?
 bool nested(const Format& format) { return std::string_view(format.name) == "mujoco"; }
 
-// Can a body have them? A file of spheres may have been written by hand.
+// Could a body have these? A file of spheres may have been changed by hand.
 bool possible(const MassProperties& m) {
   const double most = m.moments.cwiseAbs().maxCoeff(), rounding = 1e-6;
   const Eigen::Matrix3d inertia = m.axes * m.moments.asDiagonal() * m.axes.transpose();

@@ -29,7 +29,7 @@ class Random {
   std::uint64_t state_;
 };
 
-// Of the points of a triangle each as likely as any other.
+// A point of a triangle, each as likely as any other.
 inline Point random_point(Random& random, const std::array<Point, 3>& corners) {
   const double r = std::sqrt(random.uniform()), s = random.uniform();
   return (1 - r) * corners[0] + r * ((1 - s) * corners[1] + s * corners[2]);

@@ -64,7 +64,7 @@ void print_seconds(const Json& seconds);
 // The hash as it is printed: 16 hexadecimal digits.
 std::string hex(std::uint64_t hash);
 
-// The scene that the arguments name.
+// The scene that the arguments name. Throws UsageError if -o would replace a file that it is read from.
 Scene read_input(const Arguments& arguments, LooseAs loose = LooseAs::memory);
 
 // --devices, --memory, or a mapped file: contacts are found box by box. Prints the result.

@@ -83,9 +83,10 @@ void Stepper::check_rims() const {
       reach = std::max(reach, length(center_of(q)) + q.r);
     const double moved = s_.step * (length(s_.velocity[b]) + length(s_.spin[b]) * reach);
     if (!(moved <= 0.5 * smallest))
-      throw Error("body " + std::to_string(b) + " moves by up to " + number(moved) +
-                  " in a step, which is more than half the radius " + number(smallest) +
-                  " of the smallest that it may meet: use a shorter time step, or a lower velocity and spin");
+      throw Error(
+          "body " + std::to_string(b) + " moves by up to " + number(moved) +
+          " in a step, which is more than half the radius " + number(smallest) +
+          " of the smallest sphere that it may meet: use a shorter time step, or a lower velocity and spin");
   }
 }
 

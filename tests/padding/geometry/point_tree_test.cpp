@@ -59,5 +59,18 @@ TEST(PointTree, NegativeRadiusFindsNothing) {
   EXPECT_EQ(found.size(), 1u);
 }
 
+TEST(PointTree, SparsePointsStandApartAndNothingIsFarFromThem) {
+  Random random(2);
+  std::vector<Point> points(800);
+  for (Point& p : points) p = {random.uniform(), random.uniform(), random.uniform()};
+  const double spacing = 0.12;
+  std::vector<std::uint32_t> expected, order = random_order(points.size(), 3);
+  for (const auto k : order)
+    if (std::ranges::all_of(expected, [&](auto j) { return (points[j] - points[k]).norm() > spacing; }))
+      expected.push_back(k);
+  EXPECT_EQ(sparse(points, order, spacing), expected);
+  EXPECT_LT(expected.size(), points.size() / 2);
+}
+
 }  // namespace
 }  // namespace padder

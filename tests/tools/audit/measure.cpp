@@ -276,10 +276,6 @@ Sums mass_by_lines(const Mesh& mesh, std::mt19937_64& engine) {
   return sums;
 }
 
-}  // namespace
-
-namespace {
-
 // Triangles with two corners at one point are no surface: pad leaves them out (docs/padding.md), far as they
 // may lie.
 Mesh without_lines(Mesh mesh) {
