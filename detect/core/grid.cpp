@@ -17,45 +17,57 @@ double rounded_up(double x) {
   return std::ldexp(std::ceil(fraction * 1024) / 1024, exponent);
 }
 
-// The octaves that hold spheres, from the finest to the coarsest.
-std::vector<int> populated(const Summary& s) {
-  std::vector<int> octaves;
-  for (int o = kOctaves - 1; o >= 0; o--)
-    if (s.octave[o].count) octaves.push_back(o);
-  return octaves;
+void add(Summary::Octave& all, const Summary::Octave& o) {
+  all.count += o.count, all.need_max = std::max(all.need_max, o.need_max);
+  all.radius_max = std::max(all.radius_max, o.radius_max);
+  for (int c = 0; c < 3; c++)
+    all.low[c] = std::min(all.low[c], o.low[c]), all.high[c] = std::max(all.high[c], o.high[c]);
 }
 
-// The mean number of spheres in a bin if octaves a to b (indices into `octaves`) form one level with bins of
-// this size. The mean is taken over the bins in which the spheres of octave `seen_by` search: a lone large
-// sphere fills its own bin, but few spheres are near it.
-double level_density(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
-                     double size, const Summary::Octave& seen_by) {
-  double density = 0;
-  for (std::size_t k = a; k <= b; k++) {
-    const Summary::Octave& o = s.octave[octaves[k]];
-    double part = static_cast<double>(o.count);
-    for (int c = 0; c < 3; c++) {
-      const double wide = o.high[c] - o.low[c];
-      part *= std::min(1.0, size / (wide + o.need_max)) *
-              std::min(1.0, (wide + size) / (seen_by.high[c] - seen_by.low[c] + size));
-    }
-    density += part;
-  }
-  return density;
-}
+// Consecutive octaves that go to one level. Finer octaves have larger numbers.
+struct Run {
+  int finest, coarsest;
+};
 
-// Octaves a to b as one.
-Summary::Octave merged(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
+// The octaves of a run as one.
+Summary::Octave merged(const Summary& s, const Run& run) {
   Summary::Octave all;
-  for (std::size_t k = a; k <= b; k++) {
-    const Summary::Octave& o = s.octave[octaves[k]];
-    all.count += o.count, all.need_max = std::max(all.need_max, o.need_max);
-    all.radius_max = std::max(all.radius_max, o.radius_max);
-    for (int c = 0; c < 3; c++)
-      all.low[c] = std::min(all.low[c], o.low[c]), all.high[c] = std::max(all.high[c], o.high[c]);
-  }
+  for (int k = run.finest; k >= run.coarsest; k--) add(all, s.octave[k]);
   return all;
 }
+
+using Octaves = std::vector<Summary::Octave>;  // from the finest to the coarsest; at most kMaxLevels
+
+// The mean number of spheres in a bin of a level with bins of this size. The mean is taken over the bins in
+// which the spheres of octave `seen_by` search: a lone large sphere fills its own bin, but few spheres are
+// near it.
+class BinDensity {
+ public:
+  BinDensity(const Octaves& octaves, double size) {
+    for (std::size_t k = 0; k < octaves.size(); k++) {
+      const Summary::Octave& o = octaves[k];
+      in_bin_[k] = static_cast<double>(o.count);
+      for (int c = 0; c < 3; c++) {
+        const double wide = o.high[c] - o.low[c];
+        wide_[k][c] = wide + size, per_wide_[k][c] = 1 / wide_[k][c];
+        in_bin_[k] *= std::min(1.0, size / (wide + o.need_max));
+      }
+    }
+  }
+  // If octaves a to b are the level.
+  double of(std::size_t a, std::size_t b, std::size_t seen_by) const {
+    double density = 0;
+    for (std::size_t k = a; k <= b; k++) {
+      double part = in_bin_[k];
+      for (int c = 0; c < 3; c++) part *= std::min(1.0, wide_[k][c] * per_wide_[seen_by][c]);
+      density += part;
+    }
+    return density;
+  }
+
+ private:
+  double in_bin_[kMaxLevels], wide_[kMaxLevels][3], per_wide_[kMaxLevels][3];
+};
 
 // The functions below estimate what the search costs on a CPU, in nanoseconds. The constants were measured on
 // one machine. Spheres are assumed to be spread evenly over the box of their octave or level.
@@ -122,23 +134,23 @@ TwoOctaves as_octaves(const Level& from, const Level& at) {
 }
 // The cost of making octaves a to b one level, for CrossSearch::cheaper: of the search of this level by its
 // own spheres, and, for each coarser octave, of the search between the two in the direction that costs less.
-double cheaper_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b) {
-  const Summary::Octave all = merged(s, octaves, a, b);
+// `all`: those octaves as one.
+double cheaper_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all) {
   const double size = all.need_max, own = 10;
   const double several = 8;  // for finding a sphere's level and key, where there is more than one level
   if (!(size > 0)) return 0;
   double cost = b + 1 - a < octaves.size() ? several * static_cast<double>(all.count) : 0;
   for (std::size_t k = a; k <= b; k++) {
-    const Summary::Octave& o = s.octave[octaves[k]];
+    const Summary::Octave& o = octaves[k];
     double density = 0;
     for (std::size_t q = a; q <= b; q++) {
-      const Summary::Octave& other = s.octave[octaves[q]];
+      const Summary::Octave& other = octaves[q];
       density += density_of(other, size) * fraction_near(o, other, size);
     }
     cost += static_cast<double>(o.count) * (own + 5 * row_cost(3 * density));
   }
   for (std::size_t k = b + 1; k < octaves.size(); k++) {
-    const Summary::Octave& o = s.octave[octaves[k]];
+    const Summary::Octave& o = octaves[k];
     cost += std::min(static_cast<double>(o.count) * coarse_to_fine_cost(o, all, size),
                      static_cast<double>(all.count) * fine_to_coarse_cost(all, o, o.need_max));
   }
@@ -149,38 +161,34 @@ double cheaper_cost(const Summary& s, const std::vector<int>& octaves, std::size
 // the spheres of the level search half of their neighbourhood. fine_to_coarse: each finer sphere also
 // searches 2 to 3 bins of this level along each axis. Finding a row of bins costs as much as some pair tests.
 // coarse_to_fine: each coarser sphere that is near the level searches every row of bins near it. There a row
-// costs 4 tests, and a test 4 times as much as elsewhere.
-double level_cost(const Summary& s, const std::vector<int>& octaves, std::size_t a, std::size_t b,
-                  CrossSearch cross_search) {
+// costs 4 tests, and a test 4 times as much as elsewhere. `all`: those octaves as one; `density`: in bins of
+// the size that they need.
+double level_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all,
+                  const BinDensity& density, CrossSearch cross_search) {
   const bool up = cross_search == CrossSearch::fine_to_coarse;
-  const double own_rows = up ? 12 : 25, finer_rows = 18, coarser_row = 4, coarser_test = 4;
-  double size = 0;
-  for (std::size_t k = a; k <= b; k++) size = std::max(size, s.octave[octaves[k]].need_max);
-  const auto density = [&](const Summary::Octave& seen_by) {
-    return level_density(s, octaves, a, b, size, seen_by);
-  };
+  const double own_rows = up ? 12 : 25, finer_rows = 18, coarser_row = 4, coarser_test = 4,
+               size = all.need_max;
   double cost = 0;
   for (std::size_t k = a; k <= b; k++) {
-    const Summary::Octave& o = s.octave[octaves[k]];
+    const Summary::Octave& o = octaves[k];
     const double wide = 2 + (!up        ? 1
                              : size > 0 ? o.need_max / size
                                         : 1),
-                 tests = density(o) * wide * wide * wide;
+                 tests = density.of(a, b, k) * wide * wide * wide;
     cost += static_cast<double>(o.count) * (own_rows + tests / 2);
   }
   for (std::size_t k = 0; k < a && up; k++) {
-    const Summary::Octave& o = s.octave[octaves[k]];
+    const Summary::Octave& o = octaves[k];
     const double wide = 2 + (size > 0 ? o.need_max / size : 1);
-    cost += static_cast<double>(o.count) * (finer_rows + density(o) * wide * wide * wide);
+    cost += static_cast<double>(o.count) * (finer_rows + density.of(a, b, k) * wide * wide * wide);
   }
-  const Summary::Octave all = merged(s, octaves, a, b);
   for (std::size_t k = b + 1; k < octaves.size() && !up; k++) {
-    const Summary::Octave& o = s.octave[octaves[k]];
+    const Summary::Octave& o = octaves[k];
     double wide[3];  // bins along each axis within the search radius, of those that exist
     for (int c = 0; c < 3; c++)
       wide[c] = size > 0 ? std::min(2 + 0.75 * o.need_max / size, 2 + bins_along(all, c, size)) : 3;
     cost += static_cast<double>(o.count) * fraction_near(o, all, o.radius_max + all.radius_max) * wide[1] *
-            wide[2] * (coarser_row + coarser_test * density(o) * wide[0] / 2);
+            wide[2] * (coarser_row + coarser_test * density.of(a, b, k) * wide[0] / 2);
   }
   return cost;
 }
@@ -210,34 +218,53 @@ Summary gathered(Summary s) {
   return s;
 }
 
-// The partition of the octaves into consecutive runs, one for each level, that costs least. Dynamic
-// programming over (levels used, octaves taken). Returns the first octave of each level.
-std::vector<std::size_t> choose_levels(const Summary& s, const std::vector<int>& octaves,
+// The octaves that hold spheres, from the finest to the coarsest. If they are more than there can be levels,
+// neighbours that would test few pairs of their own become one run, until they are not.
+std::vector<Run> populated(const Summary& s) {
+  std::vector<Run> runs;
+  for (int o = kOctaves - 1; o >= 0; o--)
+    if (s.octave[o].count) runs.push_back({o, o});
+  const auto tests = [&](std::size_t k) {
+    const Summary::Octave all = merged(s, {runs[k].finest, runs[k + 1].coarsest});
+    return static_cast<double>(all.count) * density_of(all, all.need_max);
+  };
+  while (runs.size() > kMaxLevels) {
+    std::size_t fewest = 0;
+    for (std::size_t k = 1; k + 1 < runs.size(); k++)
+      if (tests(k) < tests(fewest)) fewest = k;
+    runs[fewest].coarsest = runs[fewest + 1].coarsest;
+    runs.erase(runs.begin() + static_cast<std::ptrdiff_t>(fewest) + 1);
+  }
+  return runs;
+}
+
+// The partition of the octaves into levels that costs least. Dynamic programming over the octaves taken.
+// Returns the first octave of each level.
+std::vector<std::size_t> choose_levels(const Octaves& octaves, std::uint64_t count,
                                        CrossSearch cross_search) {
   const bool down = cross_search == CrossSearch::coarse_to_fine;
   const std::size_t n = octaves.size();
-  std::vector<std::vector<double>> best(kMaxLevels + 1, std::vector<double>(n + 1, INFINITY));
-  std::vector<std::vector<std::size_t>> from(kMaxLevels + 1, std::vector<std::size_t>(n + 1, 0));
-  best[0][0] = 0;
-  for (std::size_t a = 0; a < n; a++)
-    for (std::size_t b = a; b < n; b++) {
-      // Each level costs something, even if it has only a few spheres.
+  // Each level costs something, even if it has only a few spheres. A faster kernel searches a single level,
+  // so a few larger spheres are not worth a second one.
+  const double level = down ? 0.02 * static_cast<double>(count) : 0,
+               single = down ? -4 * static_cast<double>(count) : 0;
+  double best[kMaxLevels + 1] = {};
+  std::size_t from[kMaxLevels + 1] = {};
+  for (std::size_t b = 0; b < n; b++) {
+    best[b + 1] = INFINITY;
+    const BinDensity density(octaves, octaves[b].need_max);
+    Summary::Octave all;
+    for (std::size_t a = b + 1; a-- > 0;) {
+      add(all, octaves[a]);
       const double cost =
-          cross_search == CrossSearch::cheaper
-              ? cheaper_cost(s, octaves, a, b)
-              : level_cost(s, octaves, a, b, cross_search) + (down ? 0.02 * static_cast<double>(s.count) : 0);
-      for (int used = 0; used < kMaxLevels; used++)
-        if (best[used][a] + cost < best[used + 1][b + 1])
-          best[used + 1][b + 1] = best[used][a] + cost, from[used + 1][b + 1] = a;
+          best[a] + level + (a == 0 && b + 1 == n ? single : 0) +
+          (cross_search == CrossSearch::cheaper ? cheaper_cost(octaves, a, b, all)
+                                                : level_cost(octaves, a, b, all, density, cross_search));
+      if (cost < best[b + 1]) best[b + 1] = cost, from[b + 1] = a;
     }
-  // A faster kernel searches a single level, so a few larger spheres are not worth a second level.
-  if (down) best[1][n] -= 4 * static_cast<double>(s.count);
-  int used = 1;
-  for (int k = 2; k <= kMaxLevels; k++)
-    if (best[k][n] < best[used][n]) used = k;
-  std::vector<std::size_t> begins(static_cast<std::size_t>(used));
-  for (std::size_t end = n; used > 0; used--)
-    begins[static_cast<std::size_t>(used - 1)] = end = from[used][end];
+  }
+  std::vector<std::size_t> begins;
+  for (std::size_t end = n; end > 0; end = from[end]) begins.insert(begins.begin(), from[end]);
   return begins;
 }
 
@@ -410,16 +437,20 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
   Grid g;
   if (given.count == 0) return g;
   const Summary s = grown(given);
-  const std::vector<int> octaves = populated(s);
-  const std::vector<std::size_t> begins = choose_levels(gathered(s), octaves, cross_search);
+  const Summary near = gathered(s);
+  const std::vector<Run> runs = populated(near);
+  Octaves octaves;
+  for (const Run& run : runs) octaves.push_back(merged(near, run));
+  const std::vector<std::size_t> begins = choose_levels(octaves, s.count, cross_search);
   g.levels = static_cast<std::int32_t>(begins.size());
   g.top = exponent_of(s.need_max) - s.above;
   g.buckets = 0;
   for (std::size_t level = 0; level < begins.size(); level++) {
-    const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : octaves.size();
-    const Summary::Octave all = merged(s, octaves, begins[level], end - 1);
-    for (std::size_t k = begins[level]; k < end; k++)
-      g.level_of_octave[octaves[k]] = static_cast<std::uint8_t>(level);
+    const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : runs.size();
+    const Run run{runs[begins[level]].finest, runs[end - 1].coarsest};
+    const Summary::Octave all = merged(s, run);
+    for (int k = run.coarsest; k <= run.finest; k++)
+      if (s.octave[k].count) g.level_of_octave[k] = static_cast<std::uint8_t>(level);
     Level& l = g.level[level];
     // Where coordinates and not radii ask for the edge (need_of), it is no round number: the steps of a
     // lattice of points would be a multiple of so many bins that all of them shared a bucket of the ring.

@@ -225,11 +225,13 @@ Spheres power_law(std::uint64_t n, SplitMix64& random) {
   return s;
 }
 
-Spheres lognormal(std::uint64_t n, SplitMix64& random) {
-  Spheres s = uniform(n, 77, random);
-  for (FloatSphere& f : s) f.r = static_cast<float>(std::exp(0.5 * normal(random)));
+Spheres lognormal_of(double sigma, std::uint64_t n, double volume, SplitMix64& random) {
+  Spheres s = uniform(n, volume, random);
+  for (FloatSphere& f : s) f.r = static_cast<float>(std::exp(sigma * normal(random)));
   return s;
 }
+Spheres lognormal(std::uint64_t n, SplitMix64& random) { return lognormal_of(0.5, n, 77, random); }
+Spheres lognormal_wide(std::uint64_t n, SplitMix64& random) { return lognormal_of(1, n, 2250, random); }
 Spheres one_in_2000(std::uint64_t n, SplitMix64& random) {
   Spheres s = uniform(n, 46, random);
   for (std::size_t k = 0; k < s.size(); k += 2000) s[k].r = 30;
@@ -360,6 +362,7 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"poly100", "radii 1 to 100", 2.2, poly100},
       {"escaped_poly", "poly100, one in 1,000 thrown up to 100 edges away", 2.2, escaped_poly100},
       {"lognormal", "log-normal radii, sigma 0.5", 2.2, lognormal},
+      {"lognormal_wide", "log-normal radii, sigma 1", 3, lognormal_wide},
       {"one_in_2000", "one in 2,000 is 30 times as large", 2.2, one_in_2000},
       {"two_sizes", "two heaps of radius 1 and 37, far from each other", 2.2, two_sizes, true},
       {"power_law", "radii by a power law, exponent 4.2", 2.2, power_law},

@@ -7,6 +7,7 @@
 #include <bit>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <random>
 
 #include "tests/detect/oracle.h"
@@ -365,6 +366,19 @@ TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
   }
 }
 
+// For each level: how many spheres each of its spheres finds in its own bin, summed up.
+std::vector<double> met_in_bins(const Grid& g, const std::vector<Sphere>& spheres) {
+  std::map<std::array<std::int64_t, 4>, double> bins;
+  for (const Sphere& s : spheres) {
+    const int level = level_of(g, s);
+    const Bin b = bin_of(g.level[level], s);
+    bins[{level, b.x, b.y, b.z}]++;
+  }
+  std::vector<double> met(kMaxLevels);
+  for (const auto& [bin, count] : bins) met[static_cast<std::size_t>(bin[0])] += count * count;
+  return met;
+}
+
 // Where radii grow with the distance from the middle, large spheres are not near the small ones, however many
 // they are: they would visit few of their bins. So the small ones need not share bins that suit larger ones.
 TEST(Grid, RadiiThatGrowOutwardsHaveLevelsOfTheirOwn) {
@@ -379,17 +393,37 @@ TEST(Grid, RadiiThatGrowOutwardsHaveLevelsOfTheirOwn) {
   }
   for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
     const Grid g = choose_grid(summary_of(spheres), 0, 8, cross_search);
-    std::map<std::array<std::int64_t, 4>, double> bins;
-    for (const Sphere& s : spheres) {
-      const int level = level_of(g, s);
-      const Bin b = bin_of(g.level[level], s);
-      bins[{level, b.x, b.y, b.z}]++;
-    }
-    std::vector<double> met(kMaxLevels);
-    for (const auto& [bin, count] : bins) met[static_cast<std::size_t>(bin[0])] += count * count;
+    const std::vector<double> met = met_in_bins(g, spheres);
     for (int k = 0; k < g.levels; k++)
       EXPECT_LT(met[static_cast<std::size_t>(k)] / static_cast<double>(g.level[k].spheres), 10)
           << "spheres in the bin of a sphere of level " << k << " of " << g.levels;
+  }
+}
+
+// Radii over more octaves than there can be levels: octaves of few spheres share one, but the few largest
+// spheres do not make bins for the many.
+TEST(Grid, MoreOctavesThanLevels) {
+  std::mt19937_64 random(27);
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::normal_distribution<double> normal;
+  for (const double sigma : {2.0, 4.0}) {
+    std::vector<Sphere> spheres(50'000);
+    double volume = 0;
+    for (Sphere& s : spheres) s.r = std::exp(sigma * normal(random)), volume += 40 * s.r * s.r * s.r;
+    const double edge = std::cbrt(volume);
+    for (Sphere& s : spheres) s.x = edge * unit(random), s.y = edge * unit(random), s.z = edge * unit(random);
+    const Summary summary = summary_of(spheres);
+    const auto octaves = std::count_if(std::begin(summary.octave), std::end(summary.octave),
+                                       [](const Summary::Octave& o) { return o.count > 0; });
+    ASSERT_GT(octaves, 1.5 * kMaxLevels);
+    for (const CrossSearch way :
+         {CrossSearch::fine_to_coarse, CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+      const Grid g = choose_grid(summary, 0, 8, way);
+      for (const Sphere& s : spheres) ASSERT_LE(need_of(s), g.level[level_of(g, s)].size);
+      EXPECT_LT(g.level[g.levels - 1].spheres, 100u) << sigma;
+      const std::vector<double> met = met_in_bins(g, spheres);
+      EXPECT_LT(std::accumulate(met.begin(), met.end(), 0.0), 10.0 * 50'000) << sigma;
+    }
   }
 }
 
