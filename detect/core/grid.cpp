@@ -17,7 +17,7 @@ double rounded_up(double x) {
   return std::ldexp(std::ceil(fraction * 1024) / 1024, exponent);
 }
 
-void add(Summary::Octave& all, const Summary::Octave& o) {
+void join(Summary::Octave& all, const Summary::Octave& o) {
   all.count += o.count, all.need_max = std::max(all.need_max, o.need_max);
   all.radius_max = std::max(all.radius_max, o.radius_max);
   for (int c = 0; c < 3; c++)
@@ -32,7 +32,7 @@ struct Run {
 // The octaves of a run as one.
 Summary::Octave merged(const Summary& s, const Run& run) {
   Summary::Octave all;
-  for (int k = run.finest; k >= run.coarsest; k--) add(all, s.octave[k]);
+  for (int k = run.finest; k >= run.coarsest; k--) join(all, s.octave[k]);
   return all;
 }
 
@@ -193,27 +193,54 @@ double level_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Su
   return cost;
 }
 
-// The summary by which levels are chosen. Bounds say little about a sparse scene: a few spheres that are far
-// away would make all others look as if nothing were near them, and one level enough. So where bins for the
-// most frequent size would have to be hashed, spheres are taken to fill half of the box that they lie in.
+// Are bins for the octave so many that they would have to be hashed, if it had so many spheres?
+bool is_sparse(const Summary::Octave& o, std::uint64_t count) {
+  double bins = 1;
+  for (int c = 0; c < 3; c++) bins *= bins_along(o, c, o.need_max);
+  return bins > 8 * static_cast<double>(count);
+}
+// Leaves of the octave's bounds what lies within those of another, if that is anything.
+void clip(Summary::Octave& o, const Summary::Octave& to) {
+  for (int c = 0; c < 3; c++)
+    if (o.high[c] < to.low[c] || o.low[c] > to.high[c]) return;
+  for (int c = 0; c < 3; c++)
+    o.low[c] = std::max(o.low[c], to.low[c]), o.high[c] = std::min(o.high[c], to.high[c]);
+}
+// Cuts the longest sides of the octave's bounds, so that its spheres have no more room than a cube of this
+// edge, and puts them about the origin.
+void gather(Summary::Octave& o, double edge) {
+  double wide[3];
+  for (int c = 0; c < 3; c++) wide[c] = o.high[c] - o.low[c] + o.need_max;
+  double sorted[3] = {wide[0], wide[1], wide[2]};
+  std::sort(sorted, sorted + 3);
+  // The longest side that is left if one side is cut, or two, or all.
+  double most = (edge + o.need_max) * (edge + o.need_max) * (edge + o.need_max) / (sorted[0] * sorted[1]);
+  if (most < sorted[1]) most = std::sqrt(most * sorted[1]);
+  if (most < sorted[0]) most = edge + o.need_max;
+  for (int c = 0; c < 3; c++) {
+    const double half = (o.high[c] - o.low[c]) * std::min(1.0, most / wide[c]) / 2;
+    o.low[c] = -half, o.high[c] = half;
+  }
+}
+
+// The summary by which levels are chosen. Bounds say little where a few spheres are far away: they make all
+// others look as if nothing were near them, and one level enough. So the spheres of a sparse octave are taken
+// to be among the most frequent ones. If these are sparse themselves, all spheres are taken to be about one
+// point and to fill half of the box that they lie in.
 Summary gathered(Summary s) {
-  double volume = 0, bins = 1;
+  double volume = 0;
   const Summary::Octave* usual = &s.octave[0];
   for (const Summary::Octave& o : s.octave) {
-    if (o.count) volume += static_cast<double>(o.count) * std::pow(0.7 * o.need_max, 3) * 0.52;
+    if (o.count) volume += static_cast<double>(o.count) * std::pow(1.4 * o.radius_max, 3) * 0.52;
     if (o.count > usual->count) usual = &o;
   }
-  for (int c = 0; c < 3; c++) bins *= bins_along(*usual, c, usual->need_max);
-  if (!(bins > 8 * static_cast<double>(s.count))) return s;
-  const double edge = std::cbrt(volume / 0.5);
+  const bool about_a_point = is_sparse(*usual, s.count);
   for (Summary::Octave& o : s.octave) {
-    double wide = 1;
-    for (int c = 0; c < 3 && o.count; c++) wide *= (o.high[c] - o.low[c] + o.need_max) / (edge + o.need_max);
-    if (!(wide > 1)) continue;
-    for (int c = 0; c < 3; c++) {
-      const double shorter = (o.high[c] - o.low[c]) * (1 - 1 / std::cbrt(wide)) / 2;
-      o.low[c] += shorter, o.high[c] -= shorter;
-    }
+    if (o.count == 0) continue;
+    if (about_a_point)
+      gather(o, std::cbrt(volume / 0.5));
+    else if (is_sparse(o, o.count))
+      clip(o, *usual);
   }
   return s;
 }
@@ -255,7 +282,7 @@ std::vector<std::size_t> choose_levels(const Octaves& octaves, std::uint64_t cou
     const BinDensity density(octaves, octaves[b].need_max);
     Summary::Octave all;
     for (std::size_t a = b + 1; a-- > 0;) {
-      add(all, octaves[a]);
+      join(all, octaves[a]);
       const double cost =
           best[a] + level + (a == 0 && b + 1 == n ? single : 0) +
           (cross_search == CrossSearch::cheaper ? cheaper_cost(octaves, a, b, all)

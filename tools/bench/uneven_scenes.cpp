@@ -72,6 +72,11 @@ Spheres escaped_poly100(std::uint64_t n, SplitMix64& random) {
   throw_some(s, 1000, 100, random);
   return s;
 }
+Spheres one_far_poly100(std::uint64_t n, SplitMix64& random) {
+  Spheres s = poly100(n, random);
+  s[0] = at(1e6, -2e6, 3e6, s[0].r);
+  return s;
+}
 
 // Half in a Gaussian clump, half spread 12 times as far.
 Spheres clump(std::uint64_t n, SplitMix64& random) {
@@ -361,6 +366,7 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"poly35", "radii 1 to 4", 2.2, poly35},
       {"poly100", "radii 1 to 100", 2.2, poly100},
       {"escaped_poly", "poly100, one in 1,000 thrown up to 100 edges away", 2.2, escaped_poly100},
+      {"one_far_poly", "poly100, a single sphere at 3e6", 2.2, one_far_poly100},
       {"lognormal", "log-normal radii, sigma 0.5", 2.2, lognormal},
       {"lognormal_wide", "log-normal radii, sigma 1", 3, lognormal_wide},
       {"one_in_2000", "one in 2,000 is 30 times as large", 2.2, one_in_2000},

@@ -400,6 +400,32 @@ TEST(Grid, RadiiThatGrowOutwardsHaveLevelsOfTheirOwn) {
   }
 }
 
+// Spheres of any size that are far away do not make others look as if nothing were near them.
+TEST(Grid, StraySpheresLeaveTheLevelsOfTheOthers) {
+  std::mt19937_64 random(28);
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::vector<Sphere> spheres(30'000);
+  double volume = 0;
+  for (Sphere& s : spheres) s.r = std::pow(1 - unit(random), -0.4), volume += 12 * s.r * s.r * s.r;
+  const double edge = std::cbrt(volume);
+  for (Sphere& s : spheres) s.x = edge * unit(random), s.y = edge * unit(random), s.z = edge * unit(random);
+  for (const CrossSearch way :
+       {CrossSearch::fine_to_coarse, CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+    const Grid without = choose_grid(summary_of(spheres), 0, 8, way);
+    ASSERT_GT(without.levels, 2);
+    for (const double far : {1e5, 1e9, 4e12})
+      for (const std::size_t strays : {1, 30}) {
+        std::vector<Sphere> all = spheres;
+        for (std::size_t k = 0; k < strays; k++) all[k * 1000].z = -far * (1 - 0.01 * static_cast<double>(k));
+        const Grid g = choose_grid(summary_of(all), 0, 8, way);
+        const std::vector<double> met = met_in_bins(g, all), before = met_in_bins(without, spheres);
+        EXPECT_LT(std::accumulate(met.begin(), met.end(), 0.0),
+                  1.5 * std::accumulate(before.begin(), before.end(), 0.0))
+            << far << ", " << strays;
+      }
+  }
+}
+
 // Radii over more octaves than there can be levels: octaves of few spheres share one, but the few largest
 // spheres do not make bins for the many.
 TEST(Grid, MoreOctavesThanLevels) {
