@@ -165,7 +165,7 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
     const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
     const FloatSlot s = load_slot(slots() + index);
     const float reach = search_radius(grid, pairs.bins, d.from, d.at, s.r);
-    const std::uint32_t parts = parts_of(d, reach);
+    const std::uint32_t parts = parts_of(d, l, reach);
     if (part >= parts) return;
     int bin[3];
     float p[3];

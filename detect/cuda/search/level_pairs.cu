@@ -40,14 +40,6 @@ double density_of(const Level& l) {
 double existing(const Level& l, int axis, double bins) {
   return bounded(l, axis) ? std::min<double>(bins, l.count[axis]) : bins;
 }
-// The part of a ball of this radius, in bins, that lies within a level which is thinner than the ball.
-double part_within(const Level& l, double reach) {
-  double part = 1;
-  for (int c = 0; c < 3; c++)
-    if (bounded(l, c)) part *= std::min(1.0, 0.75 * l.count[c] / reach);
-  return part;
-}
-
 // How the spheres of level `from` are grouped, or their rows divided, so that a unit finds about as many
 // contacts as a warp's queue holds. `reach`: of the largest, in bins of level `at`. `larger`: units are to be
 // so many times as large.
@@ -57,24 +49,23 @@ void divide_rows(LevelPair& d, const Level& from, const Level& at, double reach,
                most_rows = larger * tuning::kUnitRows;
   double rows = 1;  // at most
   for (int c = 1; c < 3; c++) rows *= existing(at, c, 2 * reach + 2);
-  const double density = density_of(at),
-               // Contacts of the largest sphere, by the third power of its reach.
-      full = 4.19 * density * part_within(at, reach);
+  // Contacts of a sphere: so many by cubed_within() its reach.
+  const double density = density_of(at), full = 4.19 * density, largest = cubed_within(at, reach);
   d.density = static_cast<float>(density);
   // A usual sphere has three quarters of the largest radius: most are smaller.
   const double usual = (0.75 * from.radius_max + at.radius_max) * at.per_size,
-               contacts = full * usual * usual * usual + 1e-9;
+               contacts = full * cubed_within(at, usual) + 1e-9;
   d.group = d.parts = 1;
   if (contacts < most_contacts)
     d.group = static_cast<std::uint32_t>(
         std::clamp(std::min(most_contacts / contacts, most_rows / rows), 1.0, 32.0));
   if (d.group == 1) {
-    const double parts = std::max(full / part_contacts, rows / most_rows / (reach * reach * reach));
+    const double parts = std::max(full / part_contacts, rows / most_rows / largest);
     d.parts_at_one = static_cast<float>(parts);
     // No more than for all spheres of level `at`, wherever the others' rows may be.
     const double enough = 2 * static_cast<double>(at.spheres) / part_contacts + 2 * rows / most_rows;
     d.parts = static_cast<std::uint32_t>(
-        std::clamp(std::ceil(std::min(parts * reach * reach * reach, enough)), 1.0, std::max(1.0, rows / 2)));
+        std::clamp(std::ceil(std::min(parts * largest, enough)), 1.0, std::max(1.0, rows / 2)));
   }
 }
 

@@ -17,8 +17,7 @@ namespace padder::detect::cuda {
 struct LevelPair {
   std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
   std::uint32_t group, parts, warp_units, step;      // step: parts / warp_units, rounded up
-  float parts_at_one;  // parts of a sphere that reaches one bin far; they grow with the third power of its
-                       // reach
+  float parts_at_one;  // parts of a sphere that reaches one bin far; they grow with cubed_within()
   float density;       // spheres of level `at` in a bin
   std::int32_t from, at;
 };
@@ -50,10 +49,23 @@ __host__ __device__ __forceinline__ UnitWork work_of_unit(const LevelPair& d, st
   return {d.first + number, warp - number * d.step + nth * d.step};
 }
 
-// Into how many parts the rows of such a sphere are divided. Work beyond the last part is empty.
-__device__ __forceinline__ std::uint32_t parts_of(const LevelPair& d, float reach) {
+// The third power of a reach in bins of a level, as far as the level goes: where it is thinner than the ball
+// of that radius, three quarters of its thickness count along that axis.
+template <RealNumber T>
+PADDER_HD T cubed_within(const Level& l, T reach) {
+  T cubed = 1;
+  for (int c = 0; c < 3; c++) {
+    const T most = T(0.75) * static_cast<T>(l.count[c]);
+    cubed *= bounded(l, c) && most < reach ? most : reach;
+  }
+  return cubed;
+}
+
+// Into how many parts the rows of such a sphere are divided, of the spheres that search level `at`. Work
+// beyond the last part is empty.
+PADDER_HD std::uint32_t parts_of(const LevelPair& d, const Level& at, float reach) {
   if (d.parts == 1) return 1;
-  const float parts = __fmul_rn(__fmul_rn(d.parts_at_one, reach), __fmul_rn(reach, reach));
+  const float parts = d.parts_at_one * cubed_within(at, reach);
   return min(d.parts, static_cast<std::uint32_t>(fminf(parts, 0x1p30f)) + 1);
 }
 

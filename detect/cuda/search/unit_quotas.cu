@@ -74,7 +74,7 @@ __device__ __forceinline__ float volume_of_part(const SearchTask& task, const Gr
   const Sphere s = sphere_of_slot<Kind>(task, first);
   const float widest = search_radius(grid, pairs.bins, d.from, d.at, s.r),
               per_size = static_cast<float>(l.per_size);
-  const std::uint32_t parts = parts_of(d, widest);
+  const std::uint32_t parts = parts_of(d, l, widest);
   if (part >= parts) return 0;
   float p[3], n[3];
 #pragma unroll

@@ -64,7 +64,7 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
   const std::uint32_t row_length = l.count[0] + 2, plane = row_length * (l.count[1] + 2);
   const Sphere s = sphere_of_slot<Kind>(task, index);
   const float reach = search_radius(grid, pairs.bins, d.from, d.at, s.r);
-  q.parts = parts_of(d, reach);
+  q.parts = parts_of(d, l, reach);
   if (part >= q.parts) return;
   if constexpr (Kind == SlotKind::fixed_point)
     q.slot = {fixed_point_of(l, split(l, s.x)), fixed_point_of(l, split(l, s.y)),

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <random>
 #include <vector>
 
@@ -138,6 +139,34 @@ TEST(CudaSlotEstimate, LevelsThatLieApartHaveNoUnits) {
   }
   EXPECT_GT(apart, 0);
   EXPECT_GT(near, 0);
+}
+
+// A few spheres may share a level with one that is far larger than all the others together. Their rows are
+// divided by how many spheres they reach, not by how small a part of the largest ball the others fill.
+TEST(CudaSlotEstimate, RowsAreDividedByWhatEachSphereReaches) {
+  for (const double giant : {100.0, 1e3, 1e5}) {
+    Grid grid;
+    grid.levels = 2;
+    Level &fine = grid.level[0], &coarse = grid.level[1];
+    fine.spheres = 1'000'000, fine.radius_max = 1, fine.size = 2, fine.per_size = 0.5;
+    for (auto& side : fine.count) side = 100;
+    coarse.spheres = 6, coarse.radius_max = giant, coarse.size = 2 * giant, coarse.per_size = 0.5 / giant;
+    coarse.first[0] = -1;
+    for (auto& side : coarse.count) side = 2;
+    for (const bool fused : {false, true}) {
+      const LevelPair d = plan_level_pairs(grid, SlotKind::unequal, fused).pair[0];
+      ASSERT_EQ(d.from, 1);
+      for (const double radius : {20.0, 50.0, giant}) {
+        // The spheres of a ball of this radius, one in a bin, and those that a part should find.
+        const double reach = (radius + 1) * fine.per_size,
+                     reached = std::min(4.19 * reach * reach * reach, 1e6),
+                     aim = fused ? tuning::kFusedPartContacts : tuning::kPartContacts;
+        const double parts = parts_of(d, fine, static_cast<float>(reach));
+        EXPECT_LT(reached / parts, 4 * aim) << giant << ", " << radius;
+        EXPECT_LE(parts, d.parts);
+      }
+    }
+  }
 }
 
 }  // namespace
