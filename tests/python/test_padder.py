@@ -140,6 +140,24 @@ def test_an_object_made_without_its_constructor_is_refused(kind):
             empty.detect(np.zeros((1, 3)), np.ones(1))
 
 
+# In a process of its own, because it once ended the interpreter.
+def test_pickle_of_an_old_protocol_is_refused(tmp_path):
+    script = f"""
+import numpy as np, padder, pickle
+cluster = padder.pad(np.array({CUBE.tolist()}), np.array({FACES.tolist()}), tolerance="20%")
+for thing in (cluster, padder.detect(cluster.centers, cluster.radii), padder.Detector()):
+    for protocol in (0, 1):
+        try:
+            pickle.dumps(thing, protocol)
+        except TypeError as e:
+            assert "protocol 2" in str(e), e
+        else:
+            raise SystemExit("pickled")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert (done.stderr, done.returncode) == ("", 0)
+
+
 def test_pickle_and_html(cube):
     back = pickle.loads(pickle.dumps(cube))
     assert back.to_json() == cube.to_json() and back.mask == 5

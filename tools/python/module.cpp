@@ -21,6 +21,23 @@ void refuse_objects_without_content(const pybind11::module_& m) {
   }
 }
 
+// With the protocols 0 and 1, pickle makes an object of pybind11's base of all classes, which ends the
+// process.
+void refuse_old_pickles(const pybind11::module_& m) {
+  const pybind11::object reduce = pybind11::module_::import("builtins").attr("object").attr("__reduce_ex__");
+  for (const auto& [name, value] : m.attr("__dict__").cast<pybind11::dict>()) {
+    auto* const type = reinterpret_cast<PyTypeObject*>(value.ptr());
+    if (!pybind11::isinstance<pybind11::type>(value) || !pybind11::detail::get_type_info(type)) continue;
+    pybind11::setattr(value, "__reduce_ex__",
+                      pybind11::cpp_function(
+                          [reduce](const pybind11::object& self, int protocol) -> pybind11::object {
+                            if (protocol < 2) throw pybind11::type_error("pickle needs protocol 2 or above");
+                            return reduce(self, protocol);
+                          },
+                          pybind11::name("__reduce_ex__"), pybind11::is_method(value)));
+  }
+}
+
 }  // namespace
 
 PYBIND11_MODULE(_core, m) {
@@ -31,4 +48,5 @@ PYBIND11_MODULE(_core, m) {
   padder::python::add_bodies(m);
   padder::python::add_detect(m);
   refuse_objects_without_content(m);
+  refuse_old_pickles(m);
 }
