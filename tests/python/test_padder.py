@@ -500,6 +500,8 @@ def test_numbers_out_of_range_are_value_errors():
                  lambda: padder.detect(centers, radii, threads=-1), lambda: padder.detect(centers, radii, margin=-1),
                  lambda: padder.detect(centers, radii, margin=float("nan")), lambda: padder.detect(centers, radii, device=2**31),
                  lambda: padder.detect(centers, radii, device=5, backend="omp"), lambda: padder.Detector(device=5, backend="omp"),
+                 lambda: padder.detect(centers, radii, margin=1e200), lambda: padder.detect(centers, radii, threads=2000),
+                 lambda: padder.detect(centers + 1e200, radii), lambda: padder.detect(centers, radii * 1e200),
                  lambda: padder.Detector().detect(centers, radii, revision=2**64), lambda: padder.worlds(-1, centers=centers, radii=radii)):
         with pytest.raises(ValueError):
             call()

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <memory>
 
+#include "detect/core/errors.h"
 #include "padding/asset/error.h"
 #include "tools/python/arrays.h"
 #include "tools/python/bodies.h"
@@ -224,17 +225,15 @@ void check_rotations(const Request& in, bool again) {
       check_rotation(input.poses ? input.poses[b].rotation : input.bodies[b].rotation, b);
 }
 
-// Does the input contain numbers that are not finite or negative radii? Asked only after the detector has
-// refused the call, to choose the type of Python's error.
+// Does the input contain numbers that no detector takes? Asked only after the detector has refused the call,
+// to choose the type of Python's error.
 bool numbers_at_fault(const Request& in) {
-  const auto bad = [](const auto& s) {
-    return !std::isfinite(s.x + s.y + s.z) || !std::isfinite(s.r) || s.r < 0;
-  };
+  const auto bad = [](const detect::Sphere& s) { return detect::fault_of(s) != detect::Fault::none; };
   for (const detect::Shape& shape : in.input.shapes)
     if (std::any_of(shape.spheres, shape.spheres + shape.count, bad)) return true;
   const auto pose = [](const double* rotation, const double* position) {
-    const auto finite = [](double v) { return std::isfinite(v); };
-    return std::all_of(rotation, rotation + 9, finite) && std::all_of(position, position + 3, finite);
+    const auto fits = [](double v) { return std::abs(v) <= detect::kLargest; };
+    return std::all_of(rotation, rotation + 9, fits) && std::all_of(position, position + 3, fits);
   };
   for (const detect::Body& b : in.input.bodies)
     if (!in.input.poses && !pose(b.rotation, b.position)) return true;
@@ -255,6 +254,15 @@ bool numbers_at_fault(const Request& in) {
              : loose(static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
 }
 
+// An option that has no meaning is an argument at fault.
+void check(const detect::CallOptions& options) {
+  try {
+    check_options(options);
+  } catch (const Error& e) {
+    throw py::value_error(e.what());
+  }
+}
+
 class PyDetector {
  public:
   PyDetector(const std::string& width, const std::string& backend, const std::string& precision, int threads,
@@ -271,6 +279,7 @@ class PyDetector {
     o.width = named(widths, width, "width must be \"pairs\", \"normals\" or \"points\"");
     const BackendKind kind = named(backends, backend, "backend must be \"auto\", \"omp\" or \"cuda\"");
     o.precision = named(precisions, precision, "precision must be \"exact\" or \"fast\"");
+    check(o);
     device_ = device;
     shared_->detector = std::make_unique<detect::Detector>(detect::DeviceChoice{kind, device}, o);
     if (device != 0 && this->backend() == "omp")
@@ -301,8 +310,6 @@ class PyDetector {
  private:
   template <class Work>
   void call(const Scene& scene, double margin, Work work) {
-    if (!(margin >= 0) || !std::isfinite(margin))
-      throw py::value_error("margin must be 0 or positive, and finite");
     Request in;
     if (scene.bodies) in.input.shapes = scene.bodies->shapes, in.input.bodies = scene.bodies->bodies;
     in.input.revision = scene.revision;
@@ -316,13 +323,15 @@ class PyDetector {
           "you want "
           "to keep and delete the arrays before the next call");
     check_rotations(in, in.input.revision != 0 && in.input.revision == shared_->revision);
+    detect::CallOptions o = shared_->detector->options();
+    o.scalar = in.scalar, o.output = in.memory, o.margin = margin;
+    check(o);
+    shared_->detector->options() = o;
     shared_->calls++, shared_->busy = true, shared_->revision = 0;
     struct Done {
       SharedDetector& shared;
       ~Done() { shared.busy = false; }
     } done{*shared_};
-    detect::CallOptions& o = shared_->detector->options();
-    o.scalar = in.scalar, o.output = in.memory, o.margin = margin;
     try {
       const py::gil_scoped_release release;
       work(*shared_->detector, in);
