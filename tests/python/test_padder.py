@@ -473,6 +473,33 @@ def test_other_threads_run_meanwhile():
     assert ticks > 3  # with the lock held all the while it would be one or two
 
 
+# multiprocessing forks by default on Linux. OpenMP's threads are not in the child, where a call would wait for them.
+def test_calls_go_on_after_a_fork():
+    script = f"""
+import os, signal, numpy as np, padder
+centers, radii = np.random.default_rng(1).random((20000, 3)), np.full(20000, 0.02)
+shape = padder.pad(np.array({CUBE.tolist()}), np.array({FACES.tolist()}), tolerance="20%")
+bodies = padder.Bodies([shape], np.tile(np.r_[np.eye(3).ravel(), 0, 0, 0], (20000, 1)))
+bodies.poses[:, 9] = 10 * np.arange(20000)
+detector = padder.Detector(backend="omp", threads=2)
+def work():
+    return (len(detector.detect(centers, radii)), len(padder.detect(centers, radii, backend="omp", threads=2)), len(shape._repr_html_()),
+            bodies.with_lod().lod_error, len(padder.pad(np.array({CUBE.tolist()}), np.array({FACES.tolist()}), tolerance="20%")))
+expected = work()
+if os.fork() == 0:
+    signal.alarm(60)
+    assert work() == work() == expected
+    try:
+        detector.detect(centers, -radii)
+        os._exit(2)
+    except ValueError:
+        os._exit(0)
+assert os.waitstatus_to_exitcode(os.wait()[1]) == 0
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=300)
+    assert (done.stderr, done.returncode) == ("", 0)
+
+
 def test_stubs_name_what_is_there():
     stub = ast.parse((pathlib.Path(padder.__file__).parent / "__init__.pyi").read_text())
     for node in stub.body:

@@ -9,6 +9,7 @@
 #include "padding/asset/cluster.h"
 #include "tools/python/arrays.h"
 #include "tools/python/module.h"
+#include "tools/python/unlocked.h"
 
 namespace padder::python {
 
@@ -106,7 +107,9 @@ std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, con
     detect::Spheres spheres;
     if (!loose.empty()) spheres = detect::spheres_of<double>(loose.size(), &loose[0].x, &loose[0].r);
     spheres.center_stride = spheres.radius_stride = 4;
-    choice = detect::choose_rungs(shapes, from.bodies, spheres, rule, margin, {detect::BackendKind::omp});
+    choice = unlocked([&] {
+      return detect::choose_rungs(shapes, from.bodies, spheres, rule, margin, {detect::BackendKind::omp});
+    });
   } else {
     double least = py::cast<double>(smallest);
     for (const detect::Sphere& s : loose) least = std::min(least, s.r);

@@ -9,6 +9,7 @@
 #include "tools/python/arrays.h"
 #include "tools/python/bodies.h"
 #include "tools/python/module.h"
+#include "tools/python/unlocked.h"
 #include "tools/python/whole.h"
 
 namespace padder::python {
@@ -333,8 +334,7 @@ class PyDetector {
       ~Done() { shared.busy = false; }
     } done{*shared_};
     try {
-      const py::gil_scoped_release release;
-      work(*shared_->detector, in);
+      unlocked([&] { work(*shared_->detector, in); });
       shared_->revision = in.input.revision;
     } catch (const Error& e) {
       if (numbers_at_fault(in)) throw py::value_error(e.what());

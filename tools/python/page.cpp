@@ -7,6 +7,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 #include "tools/python/module.h"
+#include "tools/python/unlocked.h"
 #ifdef PADDER_VIEW
 #include "padding/view/page.h"
 #endif
@@ -68,8 +69,7 @@ std::string page_of(const Cluster& c, const py::object& vertices, const py::obje
     throw Error("the template of pages is not there: npm bundles it when the module is built (target page)");
   // A mesh that is not given is looked for by its name and sha256 in the current folder.
   const Mesh mesh = vertices.is_none() ? padder::mesh_of(c, "") : given_mesh(vertices, faces);
-  py::gil_scoped_release others_run;
-  return page_html(view_of(c, mesh), options);
+  return unlocked([&] { return page_html(view_of(c, mesh), options); });
 }
 
 #endif
