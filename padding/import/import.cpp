@@ -36,7 +36,8 @@ Part chosen(Parts parts, const std::string& wanted, const std::string& where) {
     throw Error(where + " has several parts called \"" + excerpt(wanted) + "\": give each a name of its own");
   for (Part& p : parts)
     if (named(p)) return std::move(p);
-  throw Error(where + " has no part called \"" + excerpt(wanted) + "\": there are " + names);
+  throw Error(where + " has no part called \"" + excerpt(wanted) +
+              "\": " + (names.empty() ? "it holds one part, so leave the name out" : "there are " + names));
 }
 
 // A cluster has one family and one mask, so all its spheres must agree.

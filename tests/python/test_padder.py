@@ -107,6 +107,12 @@ def test_bad_options_are_errors_of_the_argument(options, error):
         padder.pad(CUBE, FACES, **options)
 
 
+@pytest.mark.parametrize("lod", ["10%", 0.1])
+def test_levels_of_detail_are_a_list(lod):
+    with pytest.raises(TypeError, match="lod must be a list"):
+        padder.pad(CUBE, FACES, lod=lod)
+
+
 def test_every_option_of_the_command_line():
     plain = padder.pad(CUBE, FACES, tolerance="3%")
     balanced = padder.pad(CUBE, FACES, tolerance="3%", balance="volume", effort=0)
@@ -212,6 +218,8 @@ def test_files(cube, tmp_path):
         assert (back.centers == cube.centers).all() and (back.radii == cube.radii).all() and back.family == 3
     with pytest.raises(padder.Error):
         cube.save(tmp_path / "c.csv")
+    with pytest.raises(padder.Error, match='c.npz has no part called "x": it holds one part, so leave the name out'):
+        padder.load(tmp_path / "c.npz", "x")
     (tmp_path / "t.obj").write_text("".join("v %g %g %g\n" % tuple(v) for v in CUBE) + "".join("f %d %d %d\n" % tuple(f + 1) for f in FACES))
     assert (padder.pad_file(tmp_path / "t.obj", edge_length="10%").centers == cube.centers).all()
 
@@ -363,6 +371,14 @@ def test_bodies_take_the_level_of_detail_that_their_partners_need():
         bodies.with_lod("fine")
     with pytest.raises(ValueError):
         bodies.with_lod(centers=c)
+    for wrong in ({"smallest": -1}, {"smallest": float("nan")}, {"margin": -1}, {"margin": 1e200}, {"centers": c, "radii": [-1]},
+                  {"centers": [[np.inf, 0, 0]], "radii": r}):
+        with pytest.raises(ValueError):
+            bodies.with_lod(**wrong)
+    with pytest.raises(TypeError):
+        bodies.with_lod(smallest="0.1")
+    with pytest.raises(ValueError, match="^the radii of the loose spheres must be of the shape"):
+        bodies.with_lod(centers=c, radii=[1, 2])
 
 
 def test_what_stands_still_is_kept():

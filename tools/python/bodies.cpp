@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <type_traits>
 
+#include "detect/core/errors.h"
 #include "detect/scene/scene.h"
 #include "padding/asset/cluster.h"
 #include "tools/python/arrays.h"
@@ -17,8 +19,8 @@ using namespace pybind11::literals;
 
 namespace {
 
-std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, std::size_t k) {
-  const std::string name = "shape " + std::to_string(k);
+// `name` says in messages whose arrays they are.
+std::vector<detect::Sphere> spheres_of_arrays(const py::object& shape, const std::string& name) {
   if (!py::isinstance<py::sequence>(shape) || py::len(shape) != 2)
     throw py::type_error(name + " must be a Cluster or (centers, radii)");
   const std::string centers_name = "the centers of " + name, radii_name = "the radii of " + name;
@@ -60,7 +62,7 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
       out->rungs.push_back(detect::rungs_of(c));
       filters.emplace_back(c.family, c.mask);
     } else {
-      out->rungs.emplace_back().push_back({spheres_of_arrays(s, k)});
+      out->rungs.emplace_back().push_back({spheres_of_arrays(s, "shape " + std::to_string(k))});
       filters.emplace_back(0, 0);
     }
   }
@@ -93,27 +95,33 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
 
 // The bodies at other levels of detail. `smallest` given: for things that move.
 std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, const py::object& centers,
-                                 const py::object& radii, const py::object& smallest, double margin,
+                                 const py::object& radii, std::optional<double> smallest, double margin,
                                  double share) {
   if (centers.is_none() != radii.is_none()) throw py::value_error("centers and radii go together");
   if (!(share > 0)) throw py::value_error("share must be a number above 0");
+  if (smallest && !(*smallest >= 0)) throw py::value_error("smallest must be 0 or more");
   std::vector<detect::Sphere> loose;
-  if (!centers.is_none()) loose = spheres_of_arrays(py::make_tuple(centers, radii), 0);
+  if (!centers.is_none()) loose = spheres_of_arrays(py::make_tuple(centers, radii), "the loose spheres");
   detect::RungRule rule = detect::rung_rule(lod);
   rule.share = share;
   const std::vector<std::span<const detect::Rung>> shapes(from.rungs.begin(), from.rungs.end());
   detect::RungChoice choice;
-  if (smallest.is_none()) {
+  if (!smallest) {
     detect::Spheres spheres;
     if (!loose.empty()) spheres = detect::spheres_of<double>(loose.size(), &loose[0].x, &loose[0].r);
     spheres.center_stride = spheres.radius_stride = 4;
-    choice = unlocked([&] {
-      return detect::choose_rungs(shapes, from.bodies, spheres, rule, margin, {detect::BackendKind::omp});
-    });
+    try {
+      choice = unlocked([&] {
+        return detect::choose_rungs(shapes, from.bodies, spheres, rule, margin, {detect::BackendKind::omp});
+      });
+    } catch (const detect::MemoryError&) {
+      throw;
+    } catch (const Error& e) {  // an argument is at fault
+      throw py::value_error(e.what());
+    }
   } else {
-    double least = py::cast<double>(smallest);
-    for (const detect::Sphere& s : loose) least = std::min(least, s.r);
-    choice = detect::choose_rungs_anywhere(shapes, from.bodies, least, rule);
+    for (const detect::Sphere& s : loose) smallest = std::min(*smallest, s.r);
+    choice = detect::choose_rungs_anywhere(shapes, from.bodies, *smallest, rule);
   }
   auto out = std::make_shared<Bodies>();
   out->rungs = from.rungs, out->bodies = from.bodies;

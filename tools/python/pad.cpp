@@ -133,6 +133,8 @@ void take_more(PadOptions& o, const py::kwargs& more) {
     } else if (name == "smooth") {
       o.smooth = number_of(value, "smooth");
     } else if (name == "lod") {
+      if (py::isinstance<py::str>(value) || !py::isinstance<py::iterable>(value))
+        throw py::type_error("lod must be a list of tolerances, as [\"2%\", \"1%\"]");
       for (const auto& rung : value)
         o.lod.push_back(length_of(py::reinterpret_borrow<py::object>(rung), "lod"));
     } else if (const auto found = lengths.find(name); found != lengths.end()) {
