@@ -50,18 +50,6 @@ ReadResult read_for(const Cluster& cluster, const fs::path& path) {
   return read_mesh(path, options);
 }
 
-// The asset does not record --scale, so it is found from the bounds.
-Mesh scaled_to(const Cluster& cluster, Mesh mesh, const fs::path& path) {
-  const double own = mesh.bounds().diagonal(), wanted = cluster.bounds.diagonal();
-  if (cluster.bounds.empty() || same_box(mesh.bounds(), cluster.bounds)) return mesh;
-  if (own > 0)
-    for (Point& p : mesh.points) p *= wanted / own;
-  if (!same_box(mesh.bounds(), cluster.bounds))
-    throw Error(path.string() + ": this is not the mesh that cluster " + cluster.name +
-                " was made from, their bounding boxes differ: name the right one, or pad this one");
-  return mesh;
-}
-
 // "within 0.5 %" of the diagonal.
 std::string rung_name(const Cluster& cluster, double tolerance) {
   const double diagonal = cluster.bounds.empty() ? 0 : cluster.bounds.diagonal();
@@ -162,8 +150,20 @@ View one_rung(const View& view, std::size_t rung) {
   return one;
 }
 
+// The asset does not record --scale, so it is found from the bounds.
+Mesh mesh_of(const Cluster& cluster, Mesh mesh, const std::string& name) {
+  const double own = mesh.bounds().diagonal(), wanted = cluster.bounds.diagonal();
+  if (cluster.bounds.empty() || same_box(mesh.bounds(), cluster.bounds)) return mesh;
+  if (own > 0)
+    for (Point& p : mesh.points) p *= wanted / own;
+  if (!same_box(mesh.bounds(), cluster.bounds))
+    throw Error(name + ": this is not the mesh that cluster " + cluster.name +
+                " was made from, their bounding boxes differ: name the right one, or pad this one");
+  return mesh;
+}
+
 Mesh mesh_of(const Cluster& cluster, const fs::path& cluster_path, const fs::path& path) {
-  if (!path.empty()) return scaled_to(cluster, read_for(cluster, path).mesh, path);
+  if (!path.empty()) return mesh_of(cluster, read_for(cluster, path).mesh, path.string());
   // A name with folders in it does not come from padder; it must not lead the search elsewhere.
   const fs::path name = fs::path(cluster.source.file).filename();
   if (name.empty() || cluster.source.sha256.empty()) return {};
@@ -174,7 +174,7 @@ Mesh mesh_of(const Cluster& cluster, const fs::path& cluster_path, const fs::pat
       try {
         ReadResult file = read_for(cluster, candidate);
         if (file.source.sha256 == cluster.source.sha256)
-          return scaled_to(cluster, std::move(file.mesh), candidate);
+          return mesh_of(cluster, std::move(file.mesh), candidate.string());
       } catch (const Error&) {
         // A file of that name, but not the one that the cluster was made from.
       }

@@ -99,6 +99,8 @@ View one_rung(const View& view, std::size_t rung);
 // read, or when its bounds are not those of the cluster.
 Mesh mesh_of(const Cluster& cluster, const std::filesystem::path& cluster_path,
              const std::filesystem::path& path = {});
+// The same of a mesh that is at hand. `name` is for the message.
+Mesh mesh_of(const Cluster& cluster, Mesh mesh, const std::string& name);
 
 // What the colour of a sphere stands for.
 enum class ColourBy : std::uint8_t { family, radius, protrusion, gap, triangle, body };

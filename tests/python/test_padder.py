@@ -574,4 +574,9 @@ def test_a_cluster_as_a_page():
     assert 'id="mesh-gap0"' not in cluster.page()
     with pytest.raises(padder.Error, match="gap"):
         cluster.page(colour="gap")  # without a mesh
+    assert cluster.page(box * 1000, faces, colour="gap") == page  # before it was scaled
+    with pytest.raises(padder.Error, match="not the mesh that cluster cube was made from"):
+        cluster.page(box * [1, 1, 2], faces)
+    with pytest.raises(TypeError, match="vertices"):
+        cluster.page(faces=faces)
     assert "<iframe sandbox='allow-scripts'" in cluster._repr_html_()

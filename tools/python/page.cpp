@@ -68,7 +68,9 @@ std::string page_of(const Cluster& c, const py::object& vertices, const py::obje
   if (options.script.empty())
     throw Error("the template of pages is not there: npm bundles it when the module is built (target page)");
   // A mesh that is not given is looked for by its name and sha256 in the current folder.
-  const Mesh mesh = vertices.is_none() ? padder::mesh_of(c, "") : given_mesh(vertices, faces);
+  const bool given = !vertices.is_none() || !faces.is_none();
+  const Mesh mesh =
+      given ? padder::mesh_of(c, given_mesh(vertices, faces), "the mesh") : padder::mesh_of(c, "");
   return unlocked([&] { return page_html(view_of(c, mesh), options); });
 }
 
