@@ -3,6 +3,7 @@ import ast
 import os
 import pathlib
 import pickle
+import re
 import subprocess
 import sys
 import threading
@@ -580,3 +581,22 @@ def test_a_cluster_as_a_page():
     with pytest.raises(TypeError, match="vertices"):
         cluster.page(faces=faces)
     assert "<iframe sandbox='allow-scripts'" in cluster._repr_html_()
+
+
+def test_snippets_of_the_page_run(tmp_path, monkeypatch):
+    page = (pathlib.Path(__file__).resolve().parents[2] / "docs" / "python.md").read_text()
+    first, bodies, worlds = re.findall(r"```python\n(.*?)```", page, re.S)
+    monkeypatch.chdir(tmp_path)
+    names = {"vertices": CUBE, "faces": FACES}
+    exec(first, names)
+    shapes, poses, shape, ground = heap()
+    shoe, (centers, radii) = names["cluster"], shapes[0]
+    names = {"np": np, "padder": padder, "shoe": shoe, "centers": centers, "radii": radii, "poses": poses, "shape": shape, "ground": ground,
+             "moved": np.flatnonzero(~ground), "velocity": np.ones(3), "dt": 1e-4}
+    exec(bodies, names)
+    count = len(poses)
+    names = {"np": np, "padder": padder, "links": shapes, "B": count, "poses": np.tile(poses, (1000, 1)), "shape": np.tile(shape, 1000),
+             "family": np.ones(1000 * count, int), "mask": np.zeros(1000 * count, int), "obstacles": centers, "radii": radii,
+             "new_poses": np.tile(poses, (1000, 1))}
+    exec(worlds, names)
+    assert names["hits"].shape == (1000,) and names["hits"].all() and (names["near"].distance < 0).all()
