@@ -217,6 +217,16 @@ def test_what_is_refused(argument):
                     argument.call(bad)
 
 
+def test_a_wrong_shape_is_told():
+    for centers, told in ((np.zeros((3, 5)), "(3, 5)"), (np.zeros(6), "(6,)"), (0.0, "()")):
+        with pytest.raises(ValueError) as e:
+            padder.detect(centers, 1.0)
+        assert str(e.value) == "centers must be of the shape (N, 3), and not " + told
+    with pytest.raises(ValueError) as e:
+        padder.detect(np.zeros((3, 3)), np.ones(2))
+    assert str(e.value) == "radii must be of the shape (N,), or one number for all, and not (2,)"
+
+
 @pytest.mark.parametrize("centers", ["f4", "f8", "i4", ">f4"])
 @pytest.mark.parametrize("radius", [0.4, 1, True, np.float16(0.4), np.float32(0.4), np.float64(0.4), np.int8(1), np.bool_(True), np.array(0.4),
                                     np.array(0.4, ">f8"), np.array(1), np.array(0.4).view(Sub), np.array([0.4, 0.7])[:1].reshape(())], ids=repr)

@@ -32,6 +32,8 @@ using Kind = Contract::Kind;
 
 std::string named(const char* name, const std::string& what) { return std::string(name) + " " + what; }
 
+std::string text_of(const py::handle& object) { return py::cast<std::string>(py::str(object)); }
+
 std::vector<py::ssize_t> packed_strides(const std::vector<py::ssize_t>& shape, py::ssize_t size) {
   std::vector<py::ssize_t> strides(shape.size(), size);
   for (std::size_t k = shape.size(); k-- > 1;) strides[k - 1] = strides[k] * shape[k];
@@ -158,7 +160,7 @@ void check_type(const py::array& a, const Contract& wanted) {
                                               (reals                        ? "real numbers"
                                                : wanted.kind == Kind::flags ? "booleans or whole numbers"
                                                                             : "whole numbers") +
-                                              ", not " + py::cast<std::string>(py::str(a.dtype()))));
+                                              ", not " + text_of(a.dtype())));
 }
 
 // The array with numbers of the wanted type and layout, aligned and in native byte order. If it is so
@@ -212,7 +214,8 @@ Array array_of(const py::object& object, const Contract& wanted) {
     a = from_numpy(array);
   }
   if (!shape_fits(a, wanted))
-    throw py::value_error(named(wanted.name, std::string("must be of the shape ") + wanted.said));
+    throw py::value_error(named(wanted.name, std::string("must be of the shape ") + wanted.said +
+                                                 ", and not " + text_of(py::tuple(py::cast(a.shape)))));
   if (a.memory == detect::Memory::host)
     return from_numpy(converted(py::reinterpret_borrow<py::array>(a.keep), wanted));
   if (!empty(a) && (!type_fits(a, wanted.kind) || !layout_fits(a, wanted.rows)))
