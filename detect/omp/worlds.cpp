@@ -49,7 +49,11 @@ WorldSearch::WorldSearch(Budget& b)
       order_(b),
       curve_(b),
       nodes_(b),
-      hits_(b) {}
+      hits_(b),
+      any_(b),
+      count_(b),
+      distance_(b),
+      pair_(b) {}
 
 void WorldSearch::Nearest::take(double d, Pair p) {
   if (d < distance || (d == distance && (p.i < pair.i || (p.i == pair.i && p.j < pair.j))))
@@ -308,9 +312,11 @@ WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options,
   o.width = Width::pairs;  // there are no records whose range could be too small
   read(input, o, threads);
   make_parts(tree_.every_first);
-  any_.assign(answer == Answer::any ? worlds : 0, 0), count_.assign(answer == Answer::count ? worlds : 0, 0);
-  distance_.assign(answer == Answer::distance ? worlds : 0, INFINITY);
-  pair_.assign(answer == Answer::distance ? worlds : 0, {~0u, ~0u});
+  const auto begin = [&](auto& list, Answer of, auto none) {
+    if (answer == of) std::fill_n(list.resize(worlds, "the answers"), worlds, none);
+  };
+  begin(any_, Answer::any, std::uint8_t(0)), begin(count_, Answer::count, std::uint64_t(0));
+  begin(distance_, Answer::distance, double(INFINITY)), begin(pair_, Answer::distance, Pair{~0u, ~0u});
 #pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
     Part& p = parts_[static_cast<std::size_t>(k)];

@@ -80,10 +80,10 @@ class WorldSearch {
   WorldTree tree_;
   std::vector<Part> parts_;
   PartLists<Hit> hits_;
-  std::vector<std::uint8_t> any_;
-  std::vector<std::uint64_t> count_;
-  std::vector<double> distance_;
-  std::vector<Pair> pair_;
+  Buffer<std::uint8_t> any_;
+  Buffer<std::uint64_t> count_;
+  Buffer<double> distance_;
+  Buffer<Pair> pair_;
 };
 
 }  // namespace padder::detect::omp

@@ -464,6 +464,23 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
   }
 }
 
+TEST(Worlds, AnswersCountAsMemory) {
+  for (const BackendKind backend : backends()) {
+    const World w = random_worlds(2, 3, 5, 5);
+    Detector detector({backend, 0}, CallOptions{});
+    constexpr std::uint32_t worlds = 1u << 20;
+    detector.detect_worlds(w.input(), 4, Answer::distance);
+    const std::uint64_t held = detector.memory();
+    detector.options().memory_limit = held + worlds;
+    for (const Answer answer : {Answer::count, Answer::distance})
+      EXPECT_TRUE(refuses([&] { detector.detect_worlds(w.input(), worlds, answer); }, "memory are needed"));
+    detector.options().memory_limit = 0;
+    const WorldAnswers a = detector.detect_worlds(w.input(), worlds, Answer::distance);
+    EXPECT_EQ(a.distance[worlds - 1], INFINITY);
+    EXPECT_GE(detector.memory(), 16 * static_cast<std::uint64_t>(worlds));
+  }
+}
+
 TEST(Worlds, EmptyScenesHaveEmptyAnswers) {
   for (const BackendKind backend : backends()) {
     Detector detector({backend, 0}, {.margin = 1});
