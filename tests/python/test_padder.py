@@ -252,6 +252,12 @@ def test_detect_takes_strides_and_one_radius():
     assert len(padder.detect(c[:1], r[:1], backend="omp").pairs) == 0
 
 
+def test_rows_that_overlap_are_copied():
+    line = np.arange(12.0)
+    windows = np.lib.stride_tricks.sliding_window_view(line, 3)
+    assert pairs(padder.detect(windows, 1.0, backend="omp")) == brute(windows.copy(), np.ones(len(windows)))
+
+
 def test_contacts_outlive_what_made_them():
     c, r, _, _ = scene()
     p = padder.detect(c, r, backend="omp").pairs

@@ -48,7 +48,8 @@ bool layout_fits(const Array& a, bool rows) {
   for (std::size_t k = 0; k < a.shape.size(); k++) {
     if (a.shape[k] <= 1 || a.strides[k] == packed[k]) continue;
     const bool outermost = k == 0 && rows;
-    if (!outermost || a.strides[k] <= 0 || a.strides[k] % a.size != 0 || a.strides[k] / a.size > 0xffffffffll)
+    if (!outermost || a.strides[k] < packed[k] || a.strides[k] % a.size != 0 ||
+        a.strides[k] / a.size > 0xffffffffll)
       return false;
   }
   return true;
