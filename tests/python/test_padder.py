@@ -541,6 +541,13 @@ def test_stubs_name_what_is_there():
     assert set(padder.__all__) == named
 
 
+def test_help_says_what_each_name_is():
+    for name in padder.__all__:
+        thing = getattr(padder, name)
+        if callable(thing) and thing is not padder.Error:
+            assert "." in (thing.__doc__ or ""), name
+
+
 def test_numbers_out_of_range_are_value_errors():
     centers, radii = np.zeros((2, 3)), np.ones(2)
     cluster = padder.pad(CUBE, FACES, tolerance="20%")

@@ -279,7 +279,9 @@ py::capsule DeviceArray::dlpack(const py::object&, const py::object&, const py::
 }
 
 void add_arrays(py::module_& m) {
-  py::class_<DeviceArray>(m, "DeviceArray")
+  py::class_<DeviceArray>(
+      m, "DeviceArray",
+      "An array in the memory of a GPU, which CuPy, PyTorch and others take as it is. Do not write to it.")
       .def_property_readonly("__cuda_array_interface__", &DeviceArray::interface)
       .def_property_readonly("shape", &DeviceArray::shape)
       .def("__dlpack__", &DeviceArray::dlpack, py::kw_only(), "stream"_a = py::none(),

@@ -180,7 +180,8 @@ void check_rotation(const double* rotation, std::size_t body) {
 void add_bodies(py::module_& m) {
   static_assert(std::is_standard_layout_v<detect::Body> && offsetof(detect::Body, rotation) == 0 &&
                 offsetof(detect::Body, position) == 9 * sizeof(double));
-  py::class_<Bodies, std::shared_ptr<Bodies>>(m, "Bodies")
+  py::class_<Bodies, std::shared_ptr<Bodies>>(
+      m, "Bodies", "Shapes put at poses, as many as you like. Its length is the number of bodies.")
       .def(py::init(&bodies_of), "shapes"_a, "poses"_a, "shape"_a = py::none(), py::kw_only(),
            "family"_a = py::none(), "mask"_a = py::none(), "is_static"_a = py::none(), "world"_a = py::none(),
            R"(B bodies, each of them a shape at a pose.

@@ -373,7 +373,8 @@ spheres of EVERY_WORLD belong to no world. The other arguments are those of dete
 )";
 
 void add_results(py::module_& m) {
-  py::class_<PyContacts>(m, "Contacts")
+  py::class_<PyContacts>(m, "Contacts",
+                         "The contacts of a call: arrays with a row for each. Its length is their number.")
       .def("__len__", &PyContacts::count)
       .def_property_readonly("pairs", &PyContacts::pairs)
       .def_property_readonly("normals", &PyContacts::normals)
@@ -383,7 +384,7 @@ void add_results(py::module_& m) {
       .def_property_readonly("points_j", &PyContacts::points_j)
       .def_property_readonly("backend", &PyContacts::backend)
       .def_property_readonly("hash", &PyContacts::hash);
-  py::class_<PyWorldAnswers>(m, "WorldAnswers")
+  py::class_<PyWorldAnswers>(m, "WorldAnswers", "The answers of a call: arrays with a row for each world.")
       .def("__len__", &PyWorldAnswers::worlds)
       .def_property_readonly("any", &PyWorldAnswers::any)
       .def_property_readonly("count", &PyWorldAnswers::count)
@@ -402,7 +403,9 @@ void add_detect(py::module_& m) {
   m.attr("NO_CONTACT") = detect::kNoContact;
   add_results(m);
   const auto none = py::none();
-  py::class_<PyDetector>(m, "Detector")
+  py::class_<PyDetector>(
+      m, "Detector",
+      "Finds contacts again and again, and keeps its memory, and what stands still, from call to call.")
       .def(py::init<const std::string&, const std::string&, const std::string&, Whole<int>, Whole<int>,
                     bool>(),
            py::kw_only(), "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact",

@@ -239,7 +239,8 @@ void add_properties_of(PyCluster& cluster) {
 }
 
 void add_cluster(py::module_& m) {
-  PyCluster cluster(m, "Cluster");
+  PyCluster cluster(m, "Cluster",
+                    "The spheres that cover a part, and what is proved of them. Its length is their number.");
   add_spheres_of(cluster), add_properties_of(cluster);
   add_page(cluster);
   cluster
@@ -333,7 +334,8 @@ void add_pad_of_file(py::module_& m) {
 
 // A robot whose links are clusters.
 void add_robot(py::module_& m) {
-  py::class_<PaddedRobot, std::shared_ptr<PaddedRobot>>(m, "Robot")
+  py::class_<PaddedRobot, std::shared_ptr<PaddedRobot>>(
+      m, "Robot", "A robot whose links are clusters. Its length is the number of spheres.")
       .def_property_readonly("name", [](const PaddedRobot& r) { return r.model.name; })
       .def_property_readonly("links",
                              [](const PaddedRobot& r) {
