@@ -300,9 +300,9 @@ class Detector {
   Arrays stages(const Input& input);
 
   const char* backend() const;  // "omp" or "cuda"
-  // Bytes that the detector holds for spheres, cells, pairs and contacts, in all threads. After a call this
-  // is at most CallOptions::memory_limit. Not counted: what describes shapes, bodies and static spheres on
-  // the host, and, with the CUDA backend, lists that were copied to the host.
+  // Bytes that the detector holds for spheres, cells, pairs, contacts and answers, in all threads. After a
+  // call this is at most CallOptions::memory_limit. Not counted: what describes shapes, bodies and static
+  // spheres on the host, and, with the CUDA backend, lists that were copied to the host.
   std::uint64_t memory() const;
   // The options of the next call. Backend and device are not among them: they stay as they are.
   CallOptions& options() { return options_; }
