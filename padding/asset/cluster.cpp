@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
 
@@ -232,6 +233,14 @@ std::string to_json(const Cluster& c) {
 
 std::string to_json(const Accuracy& accuracy) { return accuracy_object(accuracy).dump(); }
 
+double metres(const std::string& unit) {
+  if (unit.empty() || unit == "m") return 1;
+  if (unit == "cm") return 0.01;
+  if (unit == "mm") return 0.001;
+  if (unit == "in") return 0.0254;
+  throw Error("\"" + excerpt(unit) + "\" is no unit of length known here: use m, cm, mm or in");
+}
+
 Cluster cluster_from_json(std::string_view text, const std::string& where) {
   const Json document = parse_json<Json>(text, where);
   const Place p(document, where);
@@ -239,7 +248,8 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
   require(is("format", "padder.cluster"), where, "not a cluster: \"format\" must be \"padder.cluster\"");
   require(is("version", 1), where, "this program reads version 1 of the cluster format");
   Cluster c;
-  read_text(p, "name", c.name), read_text(p, "unit", c.unit), read_text(p, "program", c.program);
+  read_text(p, "name", c.name), read_text(p, "program", c.program);
+  if (p.has("unit")) c.unit = p.at("unit").unit();
   if (p.has("source")) {
     const Place source = p.at("source");
     source.object();

@@ -84,6 +84,10 @@ struct Cluster {
   std::size_t size() const { return radii.size(); }
 };
 
+// Metres in a unit of length, of which Cluster::unit tells the words; 1 for "". Throws Error for another
+// word.
+double metres(const std::string& unit);
+
 // "input", "filled", "wrap"; "" for none.
 const char* name_of(SurfaceKind kind);
 
@@ -97,7 +101,7 @@ std::string to_json(const Accuracy& accuracy);  // its block alone
 // Reads what to_json wrote, or a file written by hand with at least `format`, `version` and `spheres`.
 // `where` names the file in error messages. Ignores keys that the format does not have. Throws Error, which
 // names the place at fault, for text that is not JSON, for a key twice in one object, for a number too large
-// for a double and for a value of the wrong type.
+// for a double, for a value of the wrong type and for an unknown unit.
 Cluster cluster_from_json(std::string_view text, const std::string& where);
 
 // Both throw Error. Writing replaces the file as a whole or not at all.

@@ -5,6 +5,7 @@
 #include <unordered_set>
 #include <vector>
 
+#include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 
@@ -293,6 +294,17 @@ template <class Json>
 std::string JsonPlace<Json>::text() const {
   if (!at_->is_string()) fail("a string is wanted");
   return at_->template get<std::string>();
+}
+
+template <class Json>
+std::string JsonPlace<Json>::unit() const {
+  std::string word = text();
+  try {
+    metres(word);
+  } catch (const Error& e) {
+    fail(e.what());
+  }
+  return word;
 }
 
 template <class Json>

@@ -41,6 +41,7 @@ class JsonPlace {
   const Json& json() const { return *at_; }
 
   std::string text() const;
+  std::string unit() const;  // of length: one of those that metres() in padding/asset/cluster.h knows
   std::string file() const;  // a string that can be the name of a file
   bool truth() const;
   double real() const;

@@ -71,14 +71,6 @@ std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<do
   return out;
 }
 
-double metres(const std::string& unit) {
-  if (unit.empty() || unit == "m") return 1;
-  if (unit == "cm") return 0.01;
-  if (unit == "mm") return 0.001;
-  if (unit == "in") return 0.0254;
-  throw Error("\"" + unit + "\" is no unit of length known here: use m, cm, mm or in");
-}
-
 Model scaled(Model model, double factor, const std::string& unit) {
   model.unit = unit;
   for (Body& b : model.bodies) {

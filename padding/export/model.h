@@ -77,9 +77,6 @@ std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<do
 // What .npz and .vtp call the array of one number that says the unit of lengths.
 inline constexpr const char* kUnitInMetres = "unit_in_metres";
 
-// Metres in a unit; 1 for "". Throws Error for a word that is none of them.
-double metres(const std::string& unit);
-
 // The model with every length multiplied by `factor`, and the unit renamed. Volume and moments change with
 // their powers of the factor; the mass of `inertial` stays.
 Model scaled(Model model, double factor, const std::string& unit);

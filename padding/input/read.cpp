@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <span>
 
 #include "padding/asset/child.h"
@@ -28,8 +27,6 @@ namespace {
 
 using reading::fail;
 using reading::Soup;
-
-const std::map<std::string, double> kMetres = {{"m", 1}, {"cm", 0.01}, {"mm", 0.001}, {"in", 0.0254}};
 
 std::string plural(std::uint64_t n, const std::string& one, const std::string& many) {
   return std::to_string(n) + " " + (n == 1 ? one : many);
@@ -89,7 +86,7 @@ void apply_units(ReadResult& result, const ReadOptions& options, const std::stri
   const std::string own = result.unit;
   result.unit = options.unit.empty() && options.scale == 1 ? own : options.unit;
   if (!options.unit.empty() && !own.empty() && own != options.unit) {
-    factor *= kMetres.at(own) / kMetres.at(options.unit);
+    factor *= metres(own) / metres(options.unit);
     result.notes.push_back("converted from " + own + " to " + options.unit);
   }
   if (factor == 1) return;
@@ -160,8 +157,7 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
   const std::string where = path.string();
   if (!(options.scale > 0 && std::isfinite(options.scale)))
     throw Error("the scale must be a positive number");
-  if (!options.unit.empty() && !kMetres.contains(options.unit))
-    throw Error("unit '" + options.unit + "' is not known: use m, cm, mm or in");
+  metres(options.unit);  // throws if it is unknown
   const std::string ending = reading::lower_case(path.extension().string());
   if (std::ranges::find(mesh_endings(), ending) == mesh_endings().end()) {
     if (std::error_code code; !std::filesystem::exists(path, code)) read_file(path);  // says so

@@ -679,7 +679,8 @@ TEST_F(Read, UnitsAndScale) {
   const ReadResult label = read_mesh(obj, {.scale = 0.5, .unit = "cm"});
   EXPECT_EQ(label.unit, "cm");
   EXPECT_DOUBLE_EQ(volume(label.mesh), 0.125);
-  expect_fault(obj, "unit 'ft' is not known: use m, cm, mm or in", {.scale = 1, .unit = "ft"});
+  expect_fault(obj, "\"ft\" is no unit of length known here: use m, cm, mm or in",
+               {.scale = 1, .unit = "ft"});
   for (const double scale : {0.0, -1.0, std::nan(""), HUGE_VAL})
     expect_fault(obj, "the scale must be a positive number", {.scale = scale, .unit = ""});
   expect_fault(put("h.obj", "v 0 0 0\nv 1e300 0 0\nv 0 1 0\nf 1 2 3\n"), "overflow when they are scaled",
