@@ -6,6 +6,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -62,6 +63,15 @@ inline CLI::Validator no_mesh() {
 inline CLI::Validator rung() {
   return accepting([](auto& text) { return text == "auto" || (is_whole(text) && text.size() < 9); },
                    "level of detail: write a whole number (0 is the finest), or auto");
+}
+
+// Says on stderr that `fewer` bodies have no level of detail `lod`.
+inline void tell_fewer_levels(const char* program, const std::string& lod, std::uint64_t fewer) {
+  if (fewer == 0) return;
+  std::fprintf(stderr,
+               "%s: warning: --lod %s: %llu bod%s no such level and take%s the coarsest that there is\n",
+               program, lod.c_str(), static_cast<unsigned long long>(fewer),
+               fewer == 1 ? "y has" : "ies have", fewer == 1 ? "s" : "");
 }
 
 // A whole number, or hexadecimal digits after 0x: for masks.

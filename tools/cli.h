@@ -20,6 +20,7 @@
 #include <stdexcept>
 #include <string>
 #include <system_error>
+#include <vector>
 
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
@@ -33,6 +34,14 @@ namespace padder::cli {
 struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+
+// Throws UsageError if `output`, given with `option`, is one of the files that are read.
+inline void refuse_input(const std::filesystem::path& output, const char* option,
+                         const std::vector<std::filesystem::path>& inputs) {
+  for (const std::filesystem::path& input : inputs)
+    if (std::error_code code; !output.empty() && std::filesystem::equivalent(output, input, code))
+      throw UsageError(output.string() + " is a file that this run reads: name another one with " + option);
+}
 
 // The largest --threads. No machine has more; a hundred thousand stacks would end the program without a
 // message.
@@ -169,7 +178,13 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
     refuse_short_with_equals(argc, argv);
     app.parse(argc, argv);
   } catch (const CLI::Success& e) {  // --help, --version
-    return app.exit(e);
+    const int code = app.exit(e);
+    try {
+      flush_results();
+    } catch (const Error& full) {
+      return fail(1, full.what());
+    }
+    return code;
   } catch (const CLI::ParseError& e) {  // CLI11's own exit codes are above 100
     const std::string sentence = usage_sentence(app, e);
     for (int k = 1; k < argc; k++)

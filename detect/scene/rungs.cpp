@@ -55,6 +55,7 @@ RungChoice rungs_chosen(std::span<const Rungs> shapes, std::span<const Body> bod
       continue;
     }
     const std::uint32_t rung = out.rungs[b] = rung_for(rungs, rule, smallest);
+    out.fewer += rule.kind == RungRule::Kind::numbered && rule.number >= rungs.size();
     out.taken += rungs[rung].spheres.size();
     if (rung > 0) out.error = std::max(out.error, error_between(rungs[0], rungs[rung]));
   }

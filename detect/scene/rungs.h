@@ -49,7 +49,9 @@ struct RungChoice {
   // are left out.
   std::uint64_t finest = 0, taken = 0, out_of_reach = 0;
   std::uint64_t left_out = 0;  // bodies that nothing can touch
-  double error = 0;            // the largest error_between() of a body's rung; infinite: not proved
+  std::uint64_t fewer =
+      0;             // bodies without a rung of the number that was asked for: they take their coarsest
+  double error = 0;  // the largest error_between() of a body's rung; infinite: not proved
 };
 
 // For a scene that stands still: a body's partners are the bodies and loose spheres whose bounding balls come

@@ -76,7 +76,7 @@ TEST_F(DetectTool, FilesOfTheSceneAreNotOverwritten) {
   for (const char* output : {"grains.csv", "./grains.csv", "link.csv"}) {
     const Outcome r = run(std::string("grains.json -o ") + output);
     EXPECT_EQ(r.code, 2);
-    EXPECT_NE(r.err.find("is a file of the scene itself"), std::string::npos) << r.err;
+    EXPECT_NE(r.err.find("is a file that this run reads"), std::string::npos) << r.err;
     EXPECT_EQ(read_file(folder_ / output), grains);
   }
   EXPECT_EQ(run("grains.json -o other.csv").code, 0);
@@ -107,6 +107,11 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
   EXPECT_EQ(run("dense.json --backend omp --threads 1024").code, 0);
   EXPECT_EQ(run("--help").code, 0);
   EXPECT_EQ(run("--version").out, "detect (padder) " PADDER_VERSION "\n");
+  for (const char* wanted : {"--help", "--version"}) {
+    const Outcome full = run(wanted, "sh -c '\"$0\" \"$@\" >/dev/full'");
+    EXPECT_EQ(full.code, 1);
+    EXPECT_EQ(full.err, "detect: cannot write to the standard output (No space left on device)\n");
+  }
   const Outcome absent = run("absent.json");
   EXPECT_EQ(absent.code, 1);
   EXPECT_EQ(absent.err, "detect: cannot open absent.json: check the name and that it may be read\n");

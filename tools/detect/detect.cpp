@@ -201,6 +201,7 @@ int find_contacts(Arguments& a) {
   const RungChoice choice =
       is_whole ? RungChoice() : choose_rungs(scene, rung_rule(a.lod), a.options.margin, {a.backend.value()});
   if (!is_whole) take_rungs(scene, choice);
+  if (!a.quiet) padder::cli::tell_fewer_levels("detect", a.lod, choice.fewer);
   if (a.stages && scene.size() > kShown)
     throw padder::Error(a.scene + " has " + std::to_string(scene.size()) +
                         " spheres: --stages prints scenes of at most " + std::to_string(kShown));
@@ -278,9 +279,7 @@ Scene read_input(const Arguments& a, LooseAs loose) {
       padder::cli::is_stream(a.scene)
           ? scene_or_cluster_from_json(padder::cli::read_stdin(), "the standard input", ".", a.copies, loose)
           : read_scene_or_cluster(a.scene, a.copies, loose);
-  for (const std::filesystem::path& file : scene.files)
-    if (std::error_code code; !a.output.empty() && std::filesystem::equivalent(a.output, file, code))
-      throw UsageError(a.output + " is a file of the scene itself: name another one with -o");
+  padder::cli::refuse_input(a.output, "-o", scene.files);
   return scene;
 }
 

@@ -23,8 +23,8 @@
 #include "tools/pad/manifest/run_parts.h"
 #include "tools/pad/manifest/workers.h"
 #include "tools/pad/one_part.h"
-#include "tools/pad/progress_bar.h"
 #include "tools/pad/waiting_threads.h"
+#include "tools/progress_bar.h"
 #include "tools/streams.h"
 
 namespace padder {
@@ -122,7 +122,8 @@ std::vector<PadTarget> targets(const PadArguments& a, const std::map<std::string
 int pad_meshes(const PadArguments& a, const std::vector<PadTarget>& goals, const cli::StreamFiles& files) {
   Json all = Json::array();
   bool failed = false;
-  ProgressBar bar(!a.quiet);
+  ProgressBar bar("pad", !a.quiet);
+  bar.tell_between_calls();
   const auto fail = [&](const std::string& mesh, const std::string& what) {
     bar.clear();
     const std::string sentence = files.spoken(what);

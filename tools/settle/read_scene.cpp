@@ -460,7 +460,9 @@ SettleScene settle_scene_from_json(const std::string& text, const std::string& w
         "this scene has no object \"settle\": docs/detector/settle.md says what is in it; {} takes all as it "
         "is "
         "by default");
+  std::vector<std::filesystem::path> files = scene.files;
   SettleScene out = Reader(std::move(scene), document.at("settle")).read(rule);
+  out.files = std::move(files);
   if (document.has("name")) out.name = document.at("name").text();
   return out;
 }
@@ -469,6 +471,7 @@ SettleScene read_settle_scene(const std::filesystem::path& path, const detect::R
   SettleScene out =
       settle_scene_from_json(read_file(path, kMostText), path.string(), path.parent_path(), rule);
   if (out.name.empty()) out.name = path.stem().stem().string();
+  out.files.push_back(path);
   return out;
 }
 

@@ -5,6 +5,7 @@
 #pragma once
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "detect/scene/scene.h"
 #include "tools/settle/system.h"
@@ -15,7 +16,8 @@ struct SettleScene {
   System system;
   double duration = 1;
   std::string name;
-  detect::RungChoice rungs;  // what was taken; no body is left out
+  std::vector<std::filesystem::path> files;  // those that it was read from
+  detect::RungChoice rungs;                  // what was taken; no body is left out
 };
 
 // Throws Error that names the file and the place in it. The time step is checked by Stepper.

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // settle: the detector inside a stepper. Arguments and printing only; the work is in tools/settle/.
-#include <unistd.h>
 #include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -11,6 +10,7 @@
 #include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/json_output.h"
+#include "tools/progress_bar.h"
 #include "tools/settle/files.h"
 #include "tools/settle/make_scene.h"
 #include "tools/settle/page/page.h"
@@ -239,25 +239,37 @@ class Frames {
   std::uint64_t number_ = 0;
 };
 
-void show_progress(const Stepper& stepper, std::uint64_t last, bool end) {
-  static double shown = 0;
-  const double now = stepper.effort().seconds;
-  if (!isatty(2) || (!end && now < shown + 0.5)) return;
-  shown = now;
-  std::fprintf(stderr, "\rsettle: step %llu of %llu, time %.4g, %llu contacts %s",
-               (unsigned long long)stepper.steps(), (unsigned long long)last, stepper.time(),
-               (unsigned long long)stepper.contacts(), end ? "\n" : "");
+std::string progress_of(const Stepper& stepper, std::uint64_t last) {
+  char text[160];
+  std::snprintf(text, sizeof text, "step %llu of %llu, time %.4g, %llu contacts",
+                (unsigned long long)stepper.steps(), (unsigned long long)last, stepper.time(),
+                (unsigned long long)stepper.contacts());
+  return text;
 }
 
 std::string made_scene(const Arguments& a, const fs::path& folder) {
   return padder::settle::make_scene(a.make, {a.count, a.cluster, a.seed}, folder);
 }
 
+// Nothing that the run reads is overwritten by what it writes. A checkpoint may take the place of that which
+// is resumed.
+void keep_inputs(const Arguments& a, std::vector<fs::path> inputs, const Frames& frames,
+                 std::uint64_t wanted) {
+  padder::cli::refuse_input(a.checkpoint, "--checkpoint", inputs);
+  if (!a.resume.empty()) inputs.push_back(a.resume);
+  if (a.output.empty() || frames.page()) return padder::cli::refuse_input(a.output, "-o", inputs);
+  for (std::uint64_t k = 0; k < wanted; k++)
+    padder::cli::refuse_input(padder::settle::frame_path(a.output, k), "-o", inputs);
+}
+
 int settle(const Arguments& a) {
+  padder::ProgressBar bar("settle", !a.quiet);
+  bar.tell_between_calls(), bar.show(0, "reading the scene");
   const detect::RungRule rule = detect::rung_rule(a.lod);
   padder::settle::SettleScene scene =
       a.make.empty() ? padder::settle::read_settle_scene(a.scene, rule)
                      : padder::settle::settle_scene_from_json(made_scene(a, "."), a.make, ".", rule);
+  if (!a.quiet) padder::cli::tell_fewer_levels("settle", a.lod, scene.rungs.fewer);
   using detect::BackendKind;
   const BackendKind backend = a.backend == "omp"    ? BackendKind::omp
                               : a.backend == "cuda" ? BackendKind::cuda
@@ -273,10 +285,12 @@ int settle(const Arguments& a) {
                                : frames.page()
                                    ? padder::settle::Movie::usual_frames(stepper.system().spheres())
                                    : 1;
+  keep_inputs(a, scene.files, frames, wanted);
   const std::uint64_t left = last > stepper.steps() ? last - stepper.steps() : 0;
   const std::uint64_t intervals = wanted > 1 ? wanted - 1 : 1;  // between frames
   // A look at the energies at least every hundredth of the run.
   const std::uint64_t between = std::max<std::uint64_t>(1, left / std::max<std::uint64_t>(intervals, 100));
+  bar.show(0, progress_of(stepper, last));
   EnergyGuard guard(stepper);
   Watch w = guard.check();
   const double first_energy = w.total();
@@ -290,16 +304,17 @@ int settle(const Arguments& a) {
     if (wanted > 1) until = std::min(until, (taken * left + intervals - 1) / intervals);
     stepper.step(std::max(std::min(until, left), done + 1) - done);
     done = stepper.steps() - begun;
-    if (done % between == 0)
-      w = guard.check(), rest = at_rest(stepper, w), show_progress(stepper, last, false);
+    if (done % between == 0) w = guard.check(), rest = at_rest(stepper, w);
+    bar.show(double(done) / double(left), progress_of(stepper, last));
     if (wanted > 1 && done * intervals >= taken * left && stepper.steps() < last)
       frames.take(stepper), taken++;
   }
   w = guard.check(), rest = at_rest(stepper, w);
   frames.take(stepper);
-  if (!a.quiet) show_progress(stepper, last, true);
   Json report = report_of(stepper, scene.rungs, w, first_energy, rest);
+  if (frames.page()) bar.show(1, "writing " + a.output);
   frames.finish(stepper, report);
+  bar.clear();
   if (a.json)
     padder::cli::print_json(report);
   else if (!a.quiet)
@@ -310,6 +325,7 @@ int settle(const Arguments& a) {
 int run(const Arguments& a) {
   check(a);
   if (a.make.empty() || fs::path(a.output).extension() != ".json") return settle(a);
+  padder::cli::refuse_input(a.output, "-o", {a.cluster});
   padder::write_file(a.output, made_scene(a, fs::path(a.output).parent_path()));
   if (a.json)
     padder::cli::print_json({{"scene", a.make}, {"output", a.output}, {"count", a.count}, {"seed", a.seed}});

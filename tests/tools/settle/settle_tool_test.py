@@ -154,6 +154,8 @@ with tempfile.TemporaryDirectory() as folder:
     fine, auto, one = (report("made.json", "--lod", lod) for lod in ("0", "auto", "1"))
     assert (fine["bodies"], fine["grains"], fine["spheres"]) == (7, 5, 12), fine
     assert fine["fastest"] > 0.99 and fine["lod"] == {"spheres_finest": 7, "spheres": 7, "error": 0}, fine
+    told = run("settle", "made.json", "--lod", 5).stderr
+    assert told == "settle: warning: --lod 5: 7 bodies have no such level and take the coarsest that there is\n", told
     assert auto["lod"] == one["lod"] == {"spheres_finest": 7, "spheres": 7, "error": 0.0009} and auto["state"] == one["state"] != fine["state"]
     made["settle"]["grains"][0]["radius"] = 0.008  # now smaller than ten times the error
     write("made.json", made)
@@ -168,6 +170,9 @@ with tempfile.TemporaryDirectory() as folder:
     found = json.loads(run("detect", "two.json", "--lod", "auto", "--json").stdout)
     assert found["contacts"] == 1 and found["lod"]["rungs"] == [1, 1, None] and found["lod"]["first_sphere"] == [0, 1, 2], found
     assert json.loads(run("detect", "two.json", "--json").stdout)["contacts"] == 0
+    assert run("detect", "two.json", "--lod", 1).stderr == ""
+    assert run("detect", "two.json", "--lod", 5).stderr.startswith("detect: warning: --lod 5: 3 bodies have no such level")
+    assert run("detect", "two.json", "--lod", 5, "-q").stderr == ""
 
     # Materials: a grain on the floor slides on by what the two have between them.
     def slid(**pair):
@@ -195,6 +200,22 @@ with tempfile.TemporaryDirectory() as folder:
     ice["settle"]["materials"] = {f"m{k}": {} for k in range(8)}
     write("ice.json", ice)
     refused("at most 7 materials", "ice.json")
+
+    # No file that a run reads is overwritten by what it writes.
+    run("settle", "ball.json", "--steps", 1, "-o", "again.npz")
+    write("again.json", {"format": "padder.scene", "version": 1, "spheres": [{"file": "again_0000.npz"}], "settle": {"planes": [
+        {"point": [0, 0, 0], "normal": [0, 0, 1]}]}})
+    before = open("again_0000.npz", "rb").read()
+    read = "is a file that this run reads"
+    refused(read, "again.json", "-o", "again.npz", code=2)
+    refused(read, "again.json", "--checkpoint", "again_0000.npz", code=2)
+    report("again.json", "--checkpoint", "state_0000.npz", "--steps", 5)
+    refused(read, "again.json", "--resume", "state_0000.npz", "-o", "state.npz", code=2)
+    report("again.json", "--resume", "state_0000.npz", "--checkpoint", "state_0000.npz", "--steps", 5)
+    refused(read, "--make", "ball", "--cluster", "ball.spheres.json", "-o", "./ball.spheres.json", code=2)
+    os.symlink("again.json", "again.html")
+    refused(read, "again.json", "-o", "again.html", code=2)
+    assert open("again_0000.npz", "rb").read() == before
 
     # What is wrong is said in one sentence.
     write("slow.json", scene_of(time_step=1))

@@ -20,7 +20,7 @@
 #include "tools/pad/manifest/records.h"
 #include "tools/pad/manifest/workers.h"
 #include "tools/pad/one_part.h"
-#include "tools/pad/progress_bar.h"
+#include "tools/progress_bar.h"
 
 namespace padder {
 
@@ -79,7 +79,7 @@ std::string pad_part(const Part& part, const fs::path& folder, int threads) {
 class Run {
  public:
   Run(const PadArguments& a, const std::map<std::string, std::string>& given)
-      : a_(a), shard_(shard_of(a.shard)), folder_(a.output()), bar_(!a.quiet) {
+      : a_(a), shard_(shard_of(a.shard)), folder_(a.output()), bar_("pad", !a.quiet) {
     check();
     for (Part& part : list_parts(a, given))
       if (shard_.holds(part)) parts_.push_back(std::move(part));
