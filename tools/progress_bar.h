@@ -66,11 +66,13 @@ class ProgressBar {
   void show(double done, const std::string& what) {
     if (!on_) return;
     const std::lock_guard lock(mutex_);
-    done_ = done, what_ = what;
+    what_ = what;
     if (!is_terminal_) return print_line_if_due();
+    const std::string left = time_left(seconds(), done);
     const int width = 30, filled = int(width * std::clamp(done, 0.0, 1.0));
-    std::fprintf(stderr, "\r[%s%s] %s\033[K", std::string(filled, '=').c_str(),
-                 std::string(width - filled, ' ').c_str(), text().c_str());
+    std::fprintf(stderr, "\r[%s%s] %s%s%s\033[K", std::string(filled, '=').c_str(),
+                 std::string(width - filled, ' ').c_str(), what.c_str(), left.empty() ? "" : ", ",
+                 left.c_str());
     std::fflush(stderr);
   }
   void clear() {
@@ -80,17 +82,16 @@ class ProgressBar {
  private:
   using Clock = std::chrono::steady_clock;
 
-  std::string text() const {
-    const std::string left = time_left(std::chrono::duration<double>(Clock::now() - began_).count(), done_);
-    return what_ + (left.empty() ? "" : ", " + left);
-  }
+  double seconds() const { return std::chrono::duration<double>(Clock::now() - began_).count(); }
   Clock::time_point next_line() const {
     return last_line_ + std::chrono::duration_cast<Clock::duration>(interval_);
   }
   void print_line_if_due() {
     if (Clock::now() < next_line()) return;
     last_line_ = Clock::now();
-    if (!what_.empty()) std::fprintf(stderr, "%s: %s\n", program_, text().c_str());
+    // Not how long the rest takes: within one long step that would be a guess that grows.
+    if (!what_.empty())
+      std::fprintf(stderr, "%s: after %ld min: %s\n", program_, std::lround(seconds() / 60), what_.c_str());
   }
 
   const char* program_;
@@ -100,7 +101,6 @@ class ProgressBar {
   std::mutex mutex_;  // of what the thread reads
   std::condition_variable end_;
   bool ended_ = false;
-  double done_ = 0;
   std::string what_;
   std::thread thread_;
 };

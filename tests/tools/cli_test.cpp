@@ -36,7 +36,7 @@ std::string said(bool wanted, int milliseconds) {
 }
 
 TEST(ProgressBar, LongWorkSpeaksInALog) {
-  const std::string line = "pad: part.obj: cull\n", text = said(true, 400);
+  const std::string line = "pad: after 0 min: part.obj: cull\n", text = said(true, 400);
   EXPECT_EQ(text.substr(0, 2 * line.size()), line + line) << text;
   EXPECT_EQ(said(true, 0), "");
   EXPECT_EQ(said(false, 200), "");
