@@ -168,6 +168,7 @@ Scene scene_of(const Json& json, const std::string& where, const std::filesystem
     r.fail("not a scene: \"format\" must be \"padder.scene\"");
   if (!r.has("version") || json["version"] != 1) r.fail("this program reads version 1 of the scene format");
   Scene scene;
+  if (r.has("name")) r.at("name").text();
   if (r.has("unit")) scene.unit = r.at("unit").unit();
   Assets assets;
   if (r.has("clusters")) assets = read_assets(r.at("clusters"), scene, folder);

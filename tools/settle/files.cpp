@@ -145,7 +145,11 @@ std::uint64_t fingerprint(const System& s) {
   Hash h;
   for (const auto& shape : s.shapes) h.add(shape);
   for (const detect::Body& b : s.bodies)
-    h.add(double(b.shape)), h.add(double(b.family)), h.add(double(b.mask));
+    h.add(double(b.shape)), h.add(double(b.family)), h.add(double(b.mask)), h.add(double(b.world));
+  for (const auto* tags : {&s.grain_family, &s.grain_mask})
+    for (const std::uint32_t tag : *tags) h.add(double(tag));
+  for (const auto* flags : {&s.driven, &s.grain_static})
+    for (const std::uint8_t flag : *flags) h.add(double(flag));
   h.add(s.inverse_mass), h.add(s.inverse_inertia), h.add(s.grain_radius), h.add(s.gravity.x),
       h.add(s.gravity.y);
   h.add(s.gravity.z), h.add(s.step), h.add(s.law.stiffness), h.add(s.law.tangential_stiffness);

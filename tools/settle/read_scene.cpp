@@ -41,6 +41,12 @@ double real_at(const Place& r, const char* key, double otherwise, double least =
   return v;
 }
 
+// Above 0.
+double needed_at(const Place& r, const char* key) {
+  r.at(key);
+  return real_at(r, key, 0, 0, true);
+}
+
 // Of the material of density 1 in the frame of the cluster. A cluster without mass properties counts as if
 // its spheres did not overlap.
 MassProperties mass_of(const detect::Scene::Asset& asset) {
@@ -196,7 +202,7 @@ class Reader {
     const Place c = r_.at("cylinder");
     c.only({"point", "axis", "radius", "friction", "material"});
     s.walls.push_back({Wall::Kind::cylinder, vector_at(c.at("point")), unit_at(c.at("axis")),
-                       real_at(c, "radius", 0, 0, true), real_at(c, "friction", -1), material_of(c)});
+                       needed_at(c, "radius"), real_at(c, "friction", -1), material_of(c)});
   }
 
   void read_body_settings() {
@@ -236,6 +242,8 @@ class Reader {
     const bool held = body.is_static || with.driven;
     const Mass mass{held ? 0 : density * m.volume,
                     held ? Vec3{} : density * Vec3{m.moments.x(), m.moments.y(), m.moments.z()}};
+    if (!held && mass.mass == 0)
+      throw Error("body " + std::to_string(b) + " has no mass: use other units, or a larger density");
     const std::uint32_t k =
         add_body(s, body.shape, mass, {center.x(), center.y(), center.z()}, quaternion_of(turn * m.axes));
     s.bodies[k].family = body.family, s.bodies[k].mask = body.mask, s.bodies[k].is_static = body.is_static;
@@ -271,6 +279,9 @@ class Reader {
       const double radius = loose_value(4 * k + 3);
       if (!(radius > 0))
         throw Error("loose sphere " + std::to_string(k) + " has no radius above 0, and so no mass");
+      if (!l.world.empty() && l.world[k] != 0)
+        throw Error("loose sphere " + std::to_string(k) +
+                    " is in a world: here only bodies may be, so leave its \"world\" out");
       const BodySettings with = k < given_ ? plain() : grain_settings_[k - given_];
       const std::uint32_t m =
           add_grain(s, {loose_value(4 * k), loose_value(4 * k + 1), loose_value(4 * k + 2)}, radius,
@@ -405,7 +416,7 @@ class Reader {
     const Vec3 at = vector_at(b.at("at"));
     u.on_a = transposed_times(s.bodies[u.a].rotation, at - s.position[u.a]);
     u.on_b = transposed_times(s.bodies[u.b].rotation, at - s.position[u.b]);
-    u.stiffness = real_at(b, "stiffness", 0, 0, true), u.damping = real_at(b, "damping", 0);
+    u.stiffness = needed_at(b, "stiffness"), u.damping = real_at(b, "damping", 0);
     s.bushings.push_back(u);
   }
 

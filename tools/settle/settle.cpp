@@ -26,6 +26,8 @@ using padder::cli::UsageError;
 using padder::settle::Stepper;
 using padder::settle::Watch;
 
+constexpr std::uint64_t kMostSteps = 1'000'000'000'000'000;
+
 struct Arguments {
   std::string scene, output, checkpoint, resume, make, cluster, backend = "auto", lod = "0";
   std::optional<std::uint64_t> steps;
@@ -111,6 +113,7 @@ void check(const Arguments& a) {
   }
   if (!a.output.empty() && ending != ".html" && ending != ".npz" && ending != ".vtp")
     throw UsageError("cannot tell what to write to " + a.output + ": end it with .html, .npz or .vtp");
+  if (a.steps && *a.steps > kMostSteps) throw UsageError("--steps is at most 10^15");
   if (!a.checkpoint.empty() && fs::path(a.checkpoint).extension() != ".npz")
     throw UsageError("a checkpoint ends with .npz, and " + a.checkpoint + " does not");
 }
@@ -277,7 +280,7 @@ int settle(const Arguments& a) {
   Stepper stepper(std::move(scene.system), {a.threads, a.skin, backend});
   if (!a.resume.empty()) padder::settle::read_checkpoint(stepper, a.resume);
   const double whole = std::ceil(scene.duration / stepper.time_step() - 1e-9);
-  if (!a.steps && !(whole < 1e15))
+  if (!a.steps && !(whole < double(kMostSteps)))
     throw padder::Error("the duration is more than 10^15 steps long: give --steps");
   const std::uint64_t last = a.steps ? stepper.steps() + *a.steps : static_cast<std::uint64_t>(whole);
   Frames frames(a, scene);

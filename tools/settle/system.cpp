@@ -9,6 +9,20 @@
 
 namespace padder::settle {
 
+namespace {
+
+// 1 / mass. Throws Error for a mass, or a moment, with which no motion can be computed in double.
+double inverse_of(double mass, const char* of, std::size_t number) {
+  const double inverse = 1 / mass;
+  if (!(inverse > 0 && std::isfinite(inverse)))
+    throw Error(of + std::to_string(number) + " has a mass or moment of inertia that is too " +
+                (mass > 1 ? "large" : "small") +
+                " for numbers in double: use other units, or another density");
+  return inverse;
+}
+
+}  // namespace
+
 double System::radius_of(std::uint64_t sphere) const {
   if (sphere >= body_spheres()) return grain_radius[sphere - body_spheres()];
   const std::uint32_t body = mover_of(sphere);
@@ -23,10 +37,12 @@ std::uint32_t System::mover_of(std::uint64_t sphere) const {
 
 std::uint32_t add_grain(System& s, const Vec3& center, double radius, double density, const Vec3& velocity) {
   const double mass = density * 4 / 3 * std::numbers::pi * radius * radius * radius;
-  const double inverse = 1 / (0.4 * mass * radius * radius);
+  const std::size_t number = s.grain_radius.size();
+  const double inverse = inverse_of(0.4 * mass * radius * radius, "grain ", number);
   s.position.push_back(center), s.velocity.push_back(velocity);
   s.momentum.push_back({}), s.spin.push_back({});
-  s.inverse_mass.push_back(1 / mass), s.inverse_inertia.push_back({inverse, inverse, inverse});
+  s.inverse_mass.push_back(inverse_of(mass, "grain ", number)),
+      s.inverse_inertia.push_back({inverse, inverse, inverse});
   s.grain_radius.push_back(radius);
   return static_cast<std::uint32_t>(s.movers() - 1);
 }
@@ -40,7 +56,7 @@ std::uint32_t add_body(System& s, std::uint32_t shape, const Mass& mass, const V
   detect::Body body;
   body.shape = shape, body.is_static = mass.mass == 0;
   s.bodies.push_back(body);
-  const auto inverse = [](double v) { return v > 0 ? 1 / v : 0; };
+  const auto inverse = [&](double v) { return mass.mass == 0 ? 0 : inverse_of(v, "body ", number); };
   s.position.push_back(center), s.velocity.push_back({}), s.momentum.push_back({}), s.spin.push_back({});
   s.inverse_mass.push_back(inverse(mass.mass));
   s.inverse_inertia.push_back({inverse(mass.moments.x), inverse(mass.moments.y), inverse(mass.moments.z)});

@@ -120,6 +120,7 @@ TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
           "s.json, spheres 0, radii: one radius for each centre is wanted, or one number for all");
   refused(R"("spheres": [{"generate": "heap", "count": 3}])",
           "no generator is called 'heap': there are dense, dilute, poly35, poly045 and poly100");
+  refused(R"("name": 1)", "s.json, name: a string is wanted");
   refused(R"("unit": "furlong")",
           "s.json, unit: \"furlong\" is no unit of length known here: use m, cm, mm or in");
   refused(R"("unit": "m", "unit": "mm")", "s.json: the key \"unit\" stands twice in one object: remove one");

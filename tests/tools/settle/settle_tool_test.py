@@ -218,6 +218,30 @@ with tempfile.TemporaryDirectory() as folder:
     assert open("again_0000.npz", "rb").read() == before
 
     # What is wrong is said in one sentence.
+    pills = scene_of(bodies=[{"body": 0, "velocity": [0, 0, 0.01], "driven": True}])
+    pills["spheres"][0].update(family=[1, 2], mask=3)
+    write("pills.json", pills)
+    report("pills.json", "--steps", 1, "--checkpoint", "tags.npz")
+    report("pills.json", "--steps", 1, "--resume", "tags.npz")
+    for at, key, value in ((pills["spheres"][0], "family", 1), (pills["spheres"][0], "mask", 0), (pills["bodies"][0], "world", 1),
+                           (pills["settle"]["bodies"][0], "driven", False)):
+        before = at.get(key, 0)
+        at[key] = value
+        write("other.json", pills)
+        refused("is of another scene", "other.json", "--resume", "tags.npz")
+        at[key] = before
+    pills["spheres"][0]["world"] = [0, 1]
+    write("worlds.json", pills)
+    refused("loose sphere 1 is in a world", "worlds.json")
+    refused("at most 10^15", "pills.json", "--steps", 2**64 - 1, code=2)
+    write("hinge.json", scene_of(bushings=[{"bodies": [0, 1], "at": [0, 0, 0]}]))
+    refused('bushings 0: "stiffness" is missing', "hinge.json")
+    write("silo.json", scene_of(cylinder={"point": [0, 0, 0], "axis": [0, 0, 1]}))
+    refused('cylinder: "radius" is missing', "silo.json")
+    for density, size in ((1e-320, "small"), (1e308, "large")):
+        one = {"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 2]], "radii": 1}], "settle": {"material": {"density": density}}}
+        write("one.json", one)
+        refused(f"grain 0 has a mass or moment of inertia that is too {size}", "one.json")
     write("slow.json", scene_of(time_step=1))
     refused("is unstable for this stiffness", "slow.json")
     write("full.json", scene_of(grains=[{"count": 100, "radius": 0.01, "low": [0, 0, 0.1], "high": [0.05, 0.05, 0.13]}]))
