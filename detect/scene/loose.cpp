@@ -63,14 +63,15 @@ LooseSpheres parse_csv(std::string_view text, const std::string& where) {
       header = true, columns = f.size();
       bool ok = f.size() >= 4 && f[0] == "x" && f[1] == "y" && f[2] == "z" && f[3] == "r";
       for (std::size_t k = 4; k < f.size(); k++) {
-        if (f[k] == "family")
+        if (f[k] == "family" && !family)
           family = k;
-        else if (f[k] == "mask")
+        else if (f[k] == "mask" && !mask)
           mask = k;
         else
           ok = false;
       }
-      if (!ok) throw Error(at + "the header must be x,y,z,r, which may be followed by family and mask");
+      if (!ok)
+        throw Error(at + "the header must be x,y,z,r, which may be followed by family and mask, each once");
       continue;
     }
     if (f.size() != columns)

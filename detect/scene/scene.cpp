@@ -108,6 +108,10 @@ LooseSpheres read_loose(const Reader& r, const std::filesystem::path& folder) {
   r.only({"file", "generate", "count", "order", "centers", "radii", "family", "mask", "static", "world"});
   if (r.has("file") + r.has("generate") + r.has("centers") != 1)
     r.fail("one of \"file\", \"generate\" and \"centers\" is wanted");
+  for (const auto& [key, kind] :
+       {std::pair("count", "generate"), {"order", "generate"}, {"radii", "centers"}})
+    if (r.has(key) && !r.has(kind))
+      r.at(key).fail(std::string("only a block with \"") + kind + "\" has this: leave it out");
   LooseSpheres l;
   if (r.has("file")) {
     const std::filesystem::path path = folder / r.at("file").file();

@@ -120,6 +120,13 @@ TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
           "s.json, spheres 0, radii: one radius for each centre is wanted, or one number for all");
   refused(R"("spheres": [{"generate": "heap", "count": 3}])",
           "no generator is called 'heap': there are dense, dilute, poly35, poly045 and poly100");
+  for (const char* key : {"count", "order", "radii"})
+    refused("\"spheres\": [{\"file\": \"a.csv\", \"" + std::string(key) + "\": 1}]",
+            "s.json, spheres 0, " + std::string(key) + ": only a block with \"" +
+                (key == std::string("radii") ? "centers" : "generate") + "\" has this: leave it out");
+  write_file(folder_ / "twice.csv", "x,y,z,r,family,family\n0,0,0,1,1,2\n");
+  EXPECT_NE(error_of([&] { scene(R"("spheres": [{"file": "twice.csv"}])"); }).find("each once"),
+            std::string::npos);
   refused(R"("name": 1)", "s.json, name: a string is wanted");
   refused(R"("unit": "furlong")",
           "s.json, unit: \"furlong\" is no unit of length known here: use m, cm, mm or in");
