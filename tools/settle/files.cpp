@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "tools/settle/files.h"
 
+#include <cmath>
 #include <cstring>
 #include <span>
 
@@ -124,6 +125,14 @@ std::vector<SpringMemory> springs_of(const NpyArray& a) {
 // 64 bits as two numbers of 32, which a double holds.
 std::vector<double> halves(std::uint64_t v) { return {double(v >> 32), double(v & 0xffffffffu)}; }
 
+// The number of those; Error if they are none.
+std::uint64_t joined(const std::vector<double>& halves, const std::string& where) {
+  const auto good = [](double v) { return v >= 0 && v <= 4294967295.0 && v == std::floor(v); };
+  if (halves.size() != 2 || !good(halves[0]) || !good(halves[1]))
+    throw Error(where + ": its number of steps is damaged: this is no checkpoint of settle");
+  return static_cast<std::uint64_t>(halves[0]) << 32 | static_cast<std::uint64_t>(halves[1]);
+}
+
 }  // namespace
 
 std::filesystem::path frame_path(const std::filesystem::path& path, std::uint64_t number) {
@@ -201,8 +210,7 @@ void read_checkpoint(Stepper& stepper, const std::filesystem::path& path) {
         where +
         ": the checkpoint is of another scene: resume it with the scene and the time step that wrote it");
   Snapshot s;
-  const std::vector<double> steps = pair_of("steps");
-  s.steps = static_cast<std::uint64_t>(steps.at(0)) << 32 | static_cast<std::uint64_t>(steps.at(1));
+  s.steps = joined(pair_of("steps"), where);
   const auto vectors = [&](const char* name) { return rows_of<Vec3>(array_in(arrays, name, 3, where)); };
   s.position = vectors("position"), s.velocity = vectors("velocity");
   s.momentum = vectors("momentum"), s.spin = vectors("spin");

@@ -3,6 +3,7 @@
 // contact law and the integration of one mover. Any consistent units; the default material is in SI.
 // docs/detector/settle.md states the equations and their sources.
 #pragma once
+#include <cmath>
 #include <cstdint>
 
 #include "detect/host_device.h"
@@ -18,6 +19,7 @@ PADDER_HD Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y 
 PADDER_HD Vec3 operator*(double s, const Vec3& a) { return {s * a.x, s * a.y, s * a.z}; }
 PADDER_HD double dot(const Vec3& a, const Vec3& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 PADDER_HD double length(const Vec3& a) { return ::sqrt(dot(a, a)); }
+inline bool finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 PADDER_HD Vec3 cross(const Vec3& a, const Vec3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }

@@ -14,8 +14,6 @@ namespace {
 
 detect::DeviceChoice host() { return {detect::BackendKind::omp, 0}; }
 
-bool finite(const Vec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
-
 std::string number(double v) { return short_number(v, 4); }
 
 // Below so many spheres a step on a GPU is mostly the start of its kernels, and two cores are as fast.

@@ -2,6 +2,8 @@
 // What can be asked of a stepper between two steps: energies, contacts, a snapshot.
 #include <omp.h>
 
+#include <cmath>
+
 #include "padding/asset/error.h"
 #include "tools/settle/stepper.h"
 
@@ -94,6 +96,15 @@ void Stepper::resume(const Snapshot& s) {
   for (const SpringMemory& m : s.contacts) fits &= !bad(m, centers_.size());
   for (const SpringMemory& m : s.walls) fits &= !bad(m, s_.walls.size());
   if (!fits) throw Error("the checkpoint is of another scene: it has other bodies, grains or walls");
+  bool sound = true;
+  for (const auto* vectors : {&s.position, &s.velocity, &s.momentum, &s.spin})
+    for (const Vec3& v : *vectors) sound = sound && finite(v);
+  for (const auto* springs : {&s.contacts, &s.walls})
+    for (const SpringMemory& m : *springs) sound = sound && finite(m.spring);
+  for (const Quaternion& q : s.orientation)
+    sound = sound && std::abs(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z - 1) < 1e-6;
+  if (!sound)
+    throw Error("the checkpoint is damaged: a number is not finite, or a body's orientation is no rotation");
   s_.position = s.position, s_.velocity = s.velocity, s_.momentum = s.momentum, s_.spin = s.spin;
   s_.orientation = s.orientation;
   steps_ = s.steps, newer_there_ = false;

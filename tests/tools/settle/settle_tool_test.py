@@ -230,6 +230,17 @@ with tempfile.TemporaryDirectory() as folder:
         write("other.json", pills)
         refused("is of another scene", "other.json", "--resume", "tags.npz")
         at[key] = before
+    def damaged(part, name, change):
+        with zipfile.ZipFile("tags.npz") as good, zipfile.ZipFile("bad.npz", "w") as bad:
+            for array in good.namelist():
+                text = good.read(array)
+                bad.writestr(array, change(text) if array == name else text)
+        refused(part, "pills.json", "--resume", "bad.npz")
+    for name in ("position.npy", "momentum.npy", "orientation.npy"):
+        damaged("the checkpoint is damaged", name, lambda text: text[:-8] + struct.pack("<d", float("inf")))
+    damaged("no rotation", "orientation.npy", lambda text: text[:-8] + struct.pack("<d", 2))
+    damaged("number of steps", "steps.npy", lambda text: text[:-8] + struct.pack("<d", float("nan")))
+    damaged("number of steps", "steps.npy", lambda text: text[:-16].replace(b"(1, 2, )", b"(0, 2, )"))
     pills["spheres"][0]["world"] = [0, 1]
     write("worlds.json", pills)
     refused("loose sphere 1 is in a world", "worlds.json")
