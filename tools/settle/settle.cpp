@@ -131,7 +131,8 @@ class EnergyGuard {
     if (!driven_ && !(gain <= 0.1 * motion_))
       throw padder::Error("the energy grew by " + std::to_string(gain) + " until step " +
                           std::to_string(stepper_.steps()) +
-                          ", which no such scene can do: use a shorter time step");
+                          ", which no such scene can do: use a \"time_step\" of less than " +
+                          padder::short_number(stepper_.time_step(), 4));
     if (now.total() < last_.total() || driven_) last_ = now;
     return now;
   }

@@ -245,6 +245,21 @@ with tempfile.TemporaryDirectory() as folder:
     write("worlds.json", pills)
     refused("loose sphere 1 is in a world", "worlds.json")
     refused("at most 10^15", "pills.json", "--steps", 2**64 - 1, code=2)
+    for motion in ({"driven": True}, {"velocity": [1, 0, 0]}, {"spin": [0, 0, 1]}):
+        still = scene_of(bodies=[{"body": 0, **motion}])
+        still["bodies"][0]["static"] = True
+        write("still.json", still)
+        refused("is static and stands still", "still.json")
+    mat = {**CLUSTER, "spheres": {"centers": [[0.01 * (k % 15), 0.01 * (k // 15), 0] for k in range(225)], "radii": [0.01] * 225}}
+    write("mat.spheres.json", mat)
+    write("mat.json", {"format": "padder.scene", "version": 1, "clusters": {"mat": "mat.spheres.json"},
+                       "bodies": [{"cluster": "mat", "position": [0, 0, 0.03]}], "settle": {"planes": [{"point": [0, 0, 0], "normal": [0, 0, 1]}]}})
+    told = run("settle", "mat.json", code=1).stderr
+    step = float(re.search(r'use a "time_step" of less than (\S+)', told).group(1))
+    mat = json.load(open("mat.json"))
+    mat["settle"]["time_step"] = step / 10
+    write("mat.json", mat)
+    assert report("mat.json", "--until-rest")["at_rest"], told
     write("hinge.json", scene_of(bushings=[{"bodies": [0, 1], "at": [0, 0, 0]}]))
     refused('bushings 0: "stiffness" is missing', "hinge.json")
     write("silo.json", scene_of(cylinder={"point": [0, 0, 0], "axis": [0, 0, 1]}))
