@@ -21,6 +21,7 @@ RankContactFile::RankContactFile(MPI_Comm ranks, const std::filesystem::path& pa
   MPI_Comm_dup(ranks, &ranks_);
   MPI_Comm_rank(ranks_, &rank_);
   beside_ += ".part";
+  if (rank_ == 0) unfinished_.emplace(beside_);
   const int opened =
       MPI_File_open(ranks_, beside_.c_str(), MPI_MODE_CREATE | MPI_MODE_WRONLY, MPI_INFO_NULL, &file_);
   const int emptied =  // of what an earlier run left that was killed

@@ -4,17 +4,19 @@
 #include <mpi.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "detect/boxes/contact_batch.h"
 #include "detect/boxes/contact_writer.h"
+#include "padding/asset/file.h"
 
 namespace padder::detect {
 
 // One file as a ContactWriter makes it, with the records of all ranks: in the order in which they were found,
 // which is another one in every run. The folder must be the same on all machines. Constructor and finish()
 // are collective. Until finish() the file grows under another name beside its own; without it nothing is
-// left, unless the program is killed.
+// left, and remove_unfinished_files() removes it, too (padding/asset/file.h).
 class RankContactFile {
  public:
   // Throws the same Error on all ranks if the file cannot be made.
@@ -38,6 +40,7 @@ class RankContactFile {
   int rank_ = 0;
   std::filesystem::path path_, beside_;
   ContactRecords records_;
+  std::optional<UnfinishedFile> unfinished_;  // on rank 0
   MPI_File file_ = MPI_FILE_NULL;
   MPI_Win window_ = MPI_WIN_NULL;         // on rank 0: the number of records that have a place
   unsigned long long* placed_ = nullptr;  // that number, where the window is

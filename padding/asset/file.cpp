@@ -51,21 +51,6 @@ struct Unfinished {
 };
 Unfinished unfinished[64];
 
-int remember(const std::string& name) {
-  if (name.size() < sizeof unfinished->name)
-    for (int k = 0; k < 64; k++)
-      if (int free = 0; unfinished[k].state.compare_exchange_strong(free, 1)) {
-        unfinished[k].name[name.copy(unfinished[k].name, name.size())] = 0;
-        unfinished[k].state = 2;
-        return k;
-      }
-  return -1;
-}
-
-void forget(int place) {
-  if (place >= 0) unfinished[place].state = 0;
-}
-
 // Throws Error for what a file must not replace, also through a link.
 void refuse_devices(const std::filesystem::path& path) {
   struct stat about {};
@@ -75,6 +60,21 @@ void refuse_devices(const std::filesystem::path& path) {
 }
 
 }  // namespace
+
+UnfinishedFile::UnfinishedFile(const std::filesystem::path& path) {
+  const std::string& name = path.native();
+  if (name.size() >= sizeof unfinished->name) return;
+  for (int k = 0; k < 64 && place_ < 0; k++)
+    if (int free = 0; unfinished[k].state.compare_exchange_strong(free, 1)) {
+      unfinished[k].name[name.copy(unfinished[k].name, name.size())] = 0;
+      unfinished[k].state = 2;
+      place_ = k;
+    }
+}
+
+UnfinishedFile::~UnfinishedFile() {
+  if (place_ >= 0) unfinished[place_].state = 0;
+}
 
 void remove_unfinished_files() noexcept {
   for (const Unfinished& u : unfinished)
@@ -107,7 +107,7 @@ FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_
   refuse_devices(path);
   // The process id keeps two runs that write the same asset at once out of each other's half-written file.
   beside_ += ".part" + std::to_string(::getpid());
-  place_ = remember(beside_.string());  // before it is there: a signal may come in between
+  unfinished_.emplace(beside_);  // before it is there: a signal may come in between
   // Exclusively: a link of this name, which somebody else may have put there, would be followed. What a
   // killed process of this id has left is removed.
   const auto open = [&] { return ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666); };
@@ -117,14 +117,11 @@ FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_
     if (struct stat about{}; ::stat(path_.c_str(), &about) == 0) (void)::fchmod(file_, about.st_mode & 07777);
     return;
   }
-  const int error = errno;
-  forget(place_);
-  fail(error);
+  fail(errno);
 }
 
 FileWriter::~FileWriter() {
   if (file_ >= 0) ::close(file_), ::unlink(beside_.c_str());
-  forget(place_);
 }
 
 void FileWriter::fail(int error) const {

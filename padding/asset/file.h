@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -27,6 +28,22 @@ class DiskError : public Error {
 // device, a pipe, a socket or one of the system's files without a size: these may have no end, or never
 // answer.
 std::string read_file(const std::filesystem::path& path, std::uintmax_t most = kMostBytes);
+
+// Removes what the process has in the making, as a handler of SIGINT does before it ends the process. It
+// calls only what a signal handler may call. Knows of 64 files at a time, with names of up to 4000 bytes.
+void remove_unfinished_files() noexcept;
+
+// While it lives, remove_unfinished_files() removes the file of this name, if there is one.
+class UnfinishedFile {
+ public:
+  explicit UnfinishedFile(const std::filesystem::path& path);
+  ~UnfinishedFile();
+  UnfinishedFile(const UnfinishedFile&) = delete;
+  UnfinishedFile& operator=(const UnfinishedFile&) = delete;
+
+ private:
+  int place_ = -1;  // none: it goes without
+};
 
 // A file that is written in portions, so that its content need not be held as a whole. It grows beside its
 // target, in the same folder, and commit() renames it to the target: a reader sees the old file or the new
@@ -60,7 +77,8 @@ class FileWriter {
   [[noreturn]] void fail(int error) const;
 
   std::filesystem::path path_, beside_;
-  int file_ = -1, place_ = -1;
+  std::optional<UnfinishedFile> unfinished_;
+  int file_ = -1;
   std::uint64_t end_ = 0;
 };
 
@@ -69,10 +87,6 @@ using WriteAt = std::function<void(std::uint64_t offset, std::string_view bytes)
 
 // Puts bytes at their places in `out`, which grows as needed.
 WriteAt write_into(std::string& out);
-
-// Removes what the process has in the making, as a handler of SIGINT does before it ends the process. It
-// calls only what a signal handler may call. Knows of 64 files at a time, with names of up to 4000 bytes.
-void remove_unfinished_files() noexcept;
 
 // Content that is at hand: one append() and a commit() of a FileWriter.
 void write_file(const std::filesystem::path& path, std::string_view bytes);

@@ -104,6 +104,18 @@ def a_killed_rank_ends_all():
     expect(not os.path.exists("killed.npy"), "a partial file")
 
 
+def a_signal_leaves_no_file():
+    for number in signal.SIGINT, signal.SIGTERM:
+        job = subprocess.Popen([MPIRUN, "--oversubscribe", "-n", "3", DETECT, "large.json", "--backend", "omp", "-o", "ended.npy"],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        while not os.path.exists("ended.npy.part"):
+            expect(job.poll() is None, "it ended by itself")
+            time.sleep(0.02)
+        job.send_signal(number)
+        said = job.communicate(timeout=60)[1]
+        expect(job.returncode != 0 and not glob.glob("ended.npy*"), number, job.returncode, said, glob.glob("ended.npy*"))
+
+
 with tempfile.TemporaryDirectory() as folder:
     os.chdir(folder)
     write_scenes()
@@ -112,3 +124,4 @@ with tempfile.TemporaryDirectory() as folder:
     files()
     wrong_usage()
     a_killed_rank_ends_all()
+    a_signal_leaves_no_file()
