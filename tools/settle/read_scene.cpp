@@ -219,7 +219,7 @@ class Reader {
       to = settings_of(b);
       if (b.has("spin")) to.spin = vector_at(b.at("spin"));
       to.driven = b.has("driven") && b.at("driven").truth();
-      if (scene_.bodies[number].is_static && (to.driven || b.has("velocity") || b.has("spin")))
+      if (scene_.bodies[number].is_static && (to.driven || to.velocity != Vec3{} || to.spin != Vec3{}))
         b.fail("the body is static and stands still: leave \"static\" out, or what sets it in motion");
     }
   }

@@ -250,6 +250,9 @@ with tempfile.TemporaryDirectory() as folder:
         still["bodies"][0]["static"] = True
         write("still.json", still)
         refused("is static and stands still", "still.json")
+    still["settle"]["bodies"][0]["spin"] = [0, 0, 0]
+    write("still.json", still)
+    report("still.json", "--steps", 1)
     mat = {**CLUSTER, "spheres": {"centers": [[0.01 * (k % 15), 0.01 * (k // 15), 0] for k in range(225)], "radii": [0.01] * 225}}
     write("mat.spheres.json", mat)
     write("mat.json", {"format": "padder.scene", "version": 1, "clusters": {"mat": "mat.spheres.json"},
