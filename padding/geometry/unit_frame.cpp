@@ -16,11 +16,12 @@ constexpr double kGrid = 0x1p36;
 
 UnitFrame::UnitFrame(const Box& box, const std::string& name)
     : center_(box.center()), scale_(box.diagonal()) {
-  if (!(scale_ > 0)) throw Error(name + ": all its points are one, so there is no surface to pad");
+  if (box.empty() || box.low == box.high)
+    throw Error(name + ": all its points are one, so there is no surface to pad");
   // Moments of inertia grow with the fifth power of the length.
   if (!(scale_ < 1e60 && scale_ > 1e-60) || !center_.allFinite())
-    throw Error(name +
-                ": its size is beyond what double precision can measure: scale it (--scale) to below 1e60");
+    throw Error(name + ": its size is beyond what double precision can measure: scale it (--scale) to " +
+                (scale_ < 1 ? "above 1e-60" : "below 1e60"));
 }
 
 Point UnitFrame::into(const Point& p) const {
