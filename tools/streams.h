@@ -75,7 +75,7 @@ class StreamFiles {
   }
 
   // A sentence without the name of the temporary folder.
-  std::string spoken(std::string sentence) const {
+  static std::string spoken(std::string sentence) {
     if (folder_.empty()) return sentence;
     for (const std::string& prefix : {(folder_ / "out").string() + "/", folder_.string() + "/"})
       for (std::size_t at; (at = sentence.find(prefix)) != std::string::npos;)
@@ -105,7 +105,8 @@ class StreamFiles {
 
   // What is removed when a signal ends the program: two files, then the folders that they are in.
   inline static char left_behind[4][4096];
-  std::filesystem::path folder_, output_;
+  inline static std::filesystem::path folder_;
+  std::filesystem::path output_;
 };
 
 }  // namespace padder::cli

@@ -117,6 +117,8 @@ class StreamsTest(Case):
         piped = json.loads(out)
         self.assertEqual(piped["spheres"], from_file["spheres"])
         self.assertEqual((piped["name"], piped["source"]["file"]), ("stdin", "stdin.obj"))
+        out, _ = self.run_tool("pad", "-", "--input-format", "obj", "--tolerance", "10%", "-o", "piped.vtp", stdin=CUBE)
+        self.assertTrue(out.startswith(b"stdin.obj: 12 triangles"), out)  # no temporary folder
         csv, _ = self.run_tool("pad", "cube.obj", "--tolerance", "10%", "-o", "-", "--format", "dem-engine")
         self.run_tool("pad", "cube.obj", "--tolerance", "10%", "-o", "cube.csv", "-q")
         with open(os.path.join(self.folder, "cube.csv"), "rb") as f:
@@ -168,6 +170,7 @@ class StreamsTest(Case):
                 ("pad", ["cube.obj", "-o", "-", "--format", "yade", "--tolerance", "10%"], None, 1, "more than one file"),
                 ("pad", ["-", "--input-format", "obj"], "", 1, "is empty"),
                 ("pad", ["-", "--input-format", "obj"], "v 0 0", 1, "pad: stdin.obj"),
+                ("pad", ["-", "--input-format", "obj", "--visual"], CUBE, 2, "and stdin.obj is none"),
                 ("detect", ["-", "-o", "-"], "{", 2, "--format csv"),
                 ("detect", ["-"], "{", 1, "the standard input"),
                 ("detect", ["-", "--format", "csv"], "{", 2, "-o -"),

@@ -6,6 +6,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/import/import.h"
+#include "tools/streams.h"
 
 namespace padder {
 
@@ -61,8 +62,12 @@ Json run_convert(const ConvertJob& job) {
     write(spheres, file, job, warnings);
     outputs.push_back(file.path.string());
   }
-  return {{"input", job.input.string()},  {"output", outputs[0]},       {"outputs", outputs},
-          {"parts", model.bodies.size()}, {"spheres", model.spheres()}, {"warnings", warnings}};
+  return {{"input", cli::StreamFiles::spoken(job.input.string())},
+          {"output", outputs[0]},
+          {"outputs", outputs},
+          {"parts", model.bodies.size()},
+          {"spheres", model.spheres()},
+          {"warnings", warnings}};
 }
 
 void print_convert(const Json& report) {

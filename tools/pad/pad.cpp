@@ -140,8 +140,7 @@ int pad_meshes(const PadArguments& a, const std::vector<PadTarget>& goals, const
       Json report = pad_one(a, mesh, goals[k], show, [&] { bar.clear(); });
       if (!a.quiet)
         for (const auto& sentence : report["warnings"])
-          std::fprintf(stderr, "pad: warning: %s\n", sentence.get<std::string>().c_str());
-      report["input"] = files.spoken(report["input"]);
+          std::fprintf(stderr, "pad: warning: %s\n", files.spoken(sentence).c_str());
       all.push_back(std::move(report));
     } catch (const Error& e) {
       fail(mesh, e.what());
@@ -221,7 +220,7 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
          " is for a folder of meshes or a --manifest, and there is neither");
   if (std::ranges::none_of(a.meshes, is_robot))
     refuse({"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"},
-           " is for a robot, and " + a.meshes[0] + " is none");
+           " is for a robot, and " + files.spoken(a.meshes[0]) + " is none");
   for (const std::string& folder : a.package_folders)
     if (std::error_code code; !fs::is_directory(folder, code))
       throw UsageError("--package-path: there is no folder " + cli::in_quotes(folder));
@@ -270,6 +269,7 @@ int main(int argc, char** argv) {
       app, argc, argv, [&] { return padder::run(arguments, app, files); },
       [&](const std::string& error) {
         if (arguments.json)
-          padder::cli::print_failure(arguments.meshes.size() == 1 ? arguments.meshes[0] : "", error);
+          padder::cli::print_failure(arguments.meshes.size() == 1 ? files.spoken(arguments.meshes[0]) : "",
+                                     error);
       });
 }

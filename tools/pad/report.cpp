@@ -6,6 +6,7 @@
 #include <cstdio>
 
 #include "padding/export/model.h"
+#include "tools/streams.h"
 
 namespace padder {
 
@@ -77,7 +78,7 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
                     {"spheres", lod.radii.size()},
                     {"accuracy", Json::parse(to_json(lod.accuracy))}});
   const auto [least, most] = std::minmax_element(p.cluster.radii.begin(), p.cluster.radii.end());
-  return {{"input", files.input},
+  return {{"input", cli::StreamFiles::spoken(files.input)},
           {"output", files.output.string()},
           {"mesh", files.mesh.empty() ? Json(nullptr) : Json(files.mesh.string())},
           {"triangles_in", r.triangles_in},
@@ -160,7 +161,8 @@ std::string errors_text(const Accuracy& a, double diagonal) {
 void print_report(const PadFiles& files, const Padded& p) {
   const auto& r = p.report;
   const auto& c = p.cluster;
-  std::printf("%s: %llu triangles", files.input.c_str(), (unsigned long long)r.triangles_in);
+  std::printf("%s: %llu triangles", cli::StreamFiles::spoken(files.input).c_str(),
+              (unsigned long long)r.triangles_in);
   if (r.triangles_remeshed > 0) std::printf(", remeshed to %llu", (unsigned long long)r.triangles_remeshed);
   std::printf("; repair: %s\n", c.source.repair.c_str());
   for (const auto& lod : c.lods)

@@ -10,6 +10,7 @@
 #include "padding/asset/excerpt.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/view/page.h"
+#include "tools/streams.h"
 #include "tools/usage.h"
 
 namespace padder {
@@ -127,7 +128,7 @@ Json run_robot(const RobotJob& job, const RobotProgress& progress) {
   }
   Json outputs = Json::array();
   for (const OutputFile& file : job.outputs) outputs.push_back(file.path.string());
-  return {{"input", job.urdf.string()},
+  return {{"input", cli::StreamFiles::spoken(job.urdf.string())},
           {"output", job.outputs[0].path.string()},
           {"outputs", outputs},
           {"robot", robot.model.name},
