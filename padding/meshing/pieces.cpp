@@ -257,10 +257,13 @@ class PieceWork {
     if (!closed) {
       const std::vector<Corners> turned = corners(once);
       set_corners(once, given);
-      if (once.size() < triangles_.size())
-        if (const auto more = with_repeats()) return keep(*more, true);
+      const bool repeats = once.size() < triangles_.size();
+      if (const auto both_ways = without_repeats(true); repeats && is_body(both_ways))
+        return keep(both_ways, true);
       Skin skin(mesh_, once);
       if (skin.found) return keep_skin(std::move(skin), once.size());
+      // Last, because a body that faces inward repeats a wall of its neighbour in the same direction.
+      if (repeats && is_body(triangles_)) return keep(triangles_, true);
       set_corners(once, turned);
     }
     for (std::size_t k = 0; k < once.size(); k++) all_.turned += given[k] != mesh_.triangles[once[k]];
@@ -305,12 +308,9 @@ class PieceWork {
 
   // Repeated triangles are walls of bodies that touch or share a face, if all edges close with them, as
   // given, and the piece encloses a volume then: a surface whose triangles face both ways closes, too.
-  std::optional<std::vector<std::uint32_t>> with_repeats() const {
-    const double area = area_of(mesh_, triangles_);
-    for (auto& kept : {without_repeats(true), triangles_})
-      if (closes(mesh_, kept) && std::abs(signed_volume(mesh_, kept)) > kLeastEnclosed * std::pow(area, 1.5))
-        return kept;
-    return std::nullopt;
+  bool is_body(const std::vector<std::uint32_t>& triangles) const {
+    return closes(mesh_, triangles) && std::abs(signed_volume(mesh_, triangles)) >
+                                           kLeastEnclosed * std::pow(area_of(mesh_, triangles_), 1.5);
   }
 
   // Without triangles that have the same corners as one before; with `both_ways`, the same direction, too.
