@@ -111,10 +111,10 @@ ReadResult reading::parse(std::string& bytes, const FilesBeside& beside, const s
                           const std::string& ending) {
   const std::string where = path.string();
   ReadResult result;
-  if (ending == ".stl") check_stl(bytes, where, result.notes);
   Soup soup = ending == ".obj"   ? read_obj(bytes, where)
               : ending == ".off" ? read_off(bytes, where)
               : ending == ".ply" ? read_ply(bytes, where)
+              : ending == ".stl" ? read_stl(bytes, where)
               : ending == ".3mf" ? read_3mf(bytes, where)
                                  : read_scene(bytes, beside, path, ending);
   bytes = {};

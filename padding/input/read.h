@@ -42,16 +42,17 @@ struct ReadResult {
 //   label.
 // * Scale multiplies last. Without options.unit, the unit of the result is then unknown.
 // * Strips of PLY and glTF become triangles, every second one turned.
-// * 3MF: only what is to be built is read, with its components and transforms, but without supports.
+// * 3MF: only what is to be built is read, with its components and transforms, but without supports. The
+//   attribute `printable` of some slicers is not 3MF's and does not count.
 // * Left out, with a note: faces of one or two corners, lines, edges, and points that no face uses, also
 //   those that are not finite.
 // * Refused, because it has a shape that is not read: free-form surfaces of OBJ, faces of a PLY under another
 //   name than face or tristrips, extensions that a 3MF or glTF needs.
 // * sha256 is that of the named file alone, without the buffers that a .gltf refers to.
 //
-// tinyobjloader reads OBJ. OFF, PLY and 3MF are read here, because assimp 5.2 drops faces of an OFF with more
-// than nine corners, takes the strips of a PLY for one triangle, and does not tell the unit of a 3MF. assimp
-// reads the rest. Each file is read in a process of its own (padding/asset/child.h).
+// tinyobjloader reads OBJ. OFF, PLY, STL and 3MF are read here, because assimp 5.2 keeps only floats, drops
+// faces of an OFF with more than nine corners, takes the strips of a PLY for one triangle, and does not tell
+// the unit of a 3MF. assimp reads the rest. Each file is read in a process of its own (padding/asset/child.h).
 //
 // Throws Error, one sentence that names the file and the place, for: an absent or empty file, an unknown
 // ending, malformed or truncated content, an index out of range, a used vertex that is not finite, no

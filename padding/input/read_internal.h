@@ -46,13 +46,12 @@ void check_counts(std::uint64_t points, std::uint64_t triangles, const std::stri
 Soup read_obj(std::string& bytes, const std::string& where);
 Soup read_off(const std::string& bytes, const std::string& where);
 Soup read_ply(const std::string& bytes, const std::string& where);
+Soup read_stl(const std::string& bytes, const std::string& where);
 Soup read_3mf(const std::string& bytes, const std::string& where);
 // By assimp, which sees these bytes and these files, and opens nothing.
 Soup read_scene(const std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,
                 const std::string& ending);
 
-// Refuses faults for which assimp would give a wrong mesh. Mends the others and adds a note.
-void check_stl(std::string& bytes, const std::string& where, std::vector<std::string>& notes);
 // Refuses parts of a glTF that change its shape and that assimp would skip in silence. Returns the buffers
 // that lie beside it: those that are files, and in its folder or below.
 FilesBeside check_gltf(std::string_view bytes, const std::filesystem::path& path, const std::string& ending);

@@ -348,6 +348,9 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
       log.text().find("out of range") != std::string::npos)
     fail(where, "faces with an index out of range (" + one_line(log.text()) + "): export the mesh again");
 
+  // The root has the scale of COLLADA's unit alone. Below 0 it would mirror the part.
+  if (ending == ".dae" && !(scene->mRootNode->mTransformation.a1 > 0))
+    fail(where, "its <unit> is not of more than 0 metres: mend the attribute `meter`");
   Soup soup;
   double factor = 1;
   soup.unit = unit_of(*scene, ending, factor);

@@ -224,6 +224,16 @@ TEST_F(Read, StlInBothForms) {
   EXPECT_EQ(read("a.stl", "solid a facet\n" + facet + facet + "endsolid a\nsolid b\n" + facet + "endsolid\n")
                 .mesh.triangles.size(),
             3u);
+  // The name ends with its line, or where a facet begins; else any word may follow any other on a line.
+  std::string lines = "solid a facet normal\n" + facet + "endsolid a\nsolid\n" + facet + "ENDSOLID\n",
+              line = lines;
+  std::ranges::replace(line, '\n', ' ');
+  for (const std::string& text : {lines, line, "solid a\n" + line.substr(line.find("FACET"))})
+    EXPECT_EQ(read("line.stl", text).mesh.triangles.size(), 2u) << text;
+  EXPECT_EQ(read("digits.stl", "solid\nfacet\nvertex 0.1 0 0\nvertex 1 0 0\nvertex 0 1 0\nendfacet\n")
+                .mesh.points[0]
+                .x(),
+            0.1);
   EXPECT_EQ(read("blank.stl", "\n\n \tsolid a\n" + facet + "endsolid a\n").mesh.triangles.size(), 1u);
   expect_fault(put("cut.stl", binary_stl(m).substr(0, 500)), "promises 12 facets, but has room for 8");
   expect_fault(put("few.stl", binary_stl(m).replace(80, 1, 1, '\3')), "promises 3 facets, but has 12");
@@ -479,6 +489,9 @@ TEST_F(Read, ColladaHasItsUnitAndItsStrips) {
     EXPECT_EQ(r.mesh.triangles.size(), 4u) << "two instances";
     EXPECT_NEAR(r.mesh.area(), 2 * length * length, 1e-6 * length * length);
   }
+  for (const char* metres : {"-1", "0"})
+    expect_fault(put("u.dae", dae("<unit meter=\"" + std::string(metres) + "\"/>")),
+                 "its <unit> is not of more than 0");
   // The coordinates of the file, whichever way it says is up: as ROS shows it, and as the STL beside it.
   for (const char* up :
        {"", "<up_axis>X_UP</up_axis>", "<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>"}) {
