@@ -20,7 +20,7 @@ void put(std::string& out, std::uint64_t value, int bytes) {
 
 std::uint64_t get(std::string_view in, std::uint64_t at, int bytes, const std::string& where) {
   if (at > in.size() || in.size() - at < static_cast<std::uint64_t>(bytes))
-    throw Error(where + ": the archive is cut off");
+    throw Error(where + ": the zip archive is cut short: copy or export it again");
   std::uint64_t value = 0;
   for (int k = bytes; k-- > 0;)
     value = value << 8 | static_cast<unsigned char>(in[at + static_cast<std::uint64_t>(k)]);
@@ -95,22 +95,19 @@ struct ZipText {
   }
 };
 
-// The fields of a directory entry that are continued in ZIP64's extra field, those `extra` bytes at `at`.
-// NumPy leaves room for them in heads always; only beyond 4 GiB are they used.
-void widen(std::string_view in, std::uint64_t at, std::uint64_t extra, std::uint64_t& size,
-           std::uint64_t& local, const std::string& where) {
-  if (size != kContinued && local != kContinued) return;
+// Reads the fields of a directory entry that are continued in ZIP64's extra field, those `extra` bytes at
+// `at`. NumPy leaves room for them in heads always; only beyond 4 GiB are they used.
+void widen(std::string_view in, std::uint64_t at, std::uint64_t extra,
+           std::initializer_list<std::uint64_t*> fields, const std::string& where) {
   for (const std::uint64_t end = at + extra; at + 4 <= end;) {
-    const std::uint64_t kind = get(in, at, 2, where), length = get(in, at + 2, 2, where);
+    const std::uint64_t kind = get(in, at, 2, where);
     std::uint64_t field = at + 4;
-    at = field + length;
+    at = field + get(in, at + 2, 2, where);
     if (kind != 1) continue;
-    // The sizes come first, as they are and compressed; then the place.
-    if (size == kContinued) size = get(in, field, 8, where), field += 16;
-    if (local == kContinued) local = get(in, field, 8, where);
+    for (std::uint64_t* number : fields)
+      if (*number == kContinued) *number = get(in, field, 8, where), field += 8;
     return;
   }
-  throw Error(where + ": the archive's directory is damaged");
 }
 
 }  // namespace
@@ -268,35 +265,54 @@ std::string npz_bytes(const Npz& arrays) {
   return out;
 }
 
-std::map<std::string, NpzEntry> npz_entries(std::string_view in, const std::string& where) {
+std::vector<ZipEntry> zip_entries(std::string_view in, const std::string& where) {
   const auto end = in.rfind("PK\x05\x06");
-  if (end == std::string_view::npos) throw Error(where + ": not an .npz archive");
-  const std::uint64_t files = get(in, end + 10, 2, where);
-  std::uint64_t at = get(in, end + 16, 4, where);
-  if (at == kContinued) {  // the place of the longer end of ZIP64 stands before the plain one
-    if (end < 20 || get(in, end - 20, 4, where) != 0x07064b50)
-      throw Error(where + ": the archive's end is damaged");
-    at = get(in, get(in, end - 12, 8, where) + 48, 8, where);
+  if (end == std::string_view::npos)
+    throw Error(where +
+                ": it is no zip archive, or cut short: check that the file has the ending of its format");
+  std::uint64_t files = get(in, end + 10, 2, where), at = get(in, end + 16, 4, where);
+  // The place of the longer end of ZIP64 stands before the plain one. lib3mf writes one whatever the size.
+  if (end >= 20 && get(in, end - 20, 4, where) == 0x07064b50) {
+    const std::uint64_t longer = get(in, end - 12, 8, where);
+    if (get(in, longer, 4, where) != 0x06064b50)
+      throw Error(where + ": the end of the zip archive is damaged: copy or export it again");
+    files = get(in, longer + 32, 8, where), at = get(in, longer + 48, 8, where);
   }
-  std::map<std::string, NpzEntry> entries;
+  std::vector<ZipEntry> entries;
   for (std::uint64_t k = 0; k < files; k++) {
-    if (get(in, at, 4, where) != 0x02014b50) throw Error(where + ": the archive's directory is damaged");
-    const std::uint64_t method = get(in, at + 10, 2, where), name_size = get(in, at + 28, 2, where);
-    std::uint64_t size = get(in, at + 24, 4, where), local = get(in, at + 42, 4, where);
-    const std::uint64_t extra = get(in, at + 30, 2, where), comment = get(in, at + 32, 2, where);
-    get(in, at + 46 + name_size, 0, where);
-    std::string name(in.substr(at + 46, name_size));
-    if (method != 0)
-      throw Error(where + ": " + excerpt(name) +
-                  " is compressed: save with numpy.savez, not savez_compressed");
-    widen(in, at + 46 + name_size, extra, size, local, where);
+    if (get(in, at, 4, where) != 0x02014b50)
+      throw Error(where + ": the directory of the zip archive is damaged: copy or export it again");
+    if (get(in, at + 8, 2, where) & 1) throw Error(where + ": it is encrypted: save it without a password");
+    const std::uint64_t name_size = get(in, at + 28, 2, where), extra = get(in, at + 30, 2, where);
+    std::uint64_t packed = get(in, at + 20, 4, where), local = get(in, at + 42, 4, where);
+    ZipEntry e;
+    e.method = static_cast<int>(get(in, at + 10, 2, where));
+    e.checksum = static_cast<std::uint32_t>(get(in, at + 16, 4, where)), e.size = get(in, at + 24, 4, where);
+    const std::uint64_t name = at + 46;
+    get(in, name + name_size, 0, where);
+    e.name = in.substr(name, name_size);
+    widen(in, name + name_size, extra, {&e.size, &packed, &local}, where);
     const std::uint64_t data = local + 30 + get(in, local + 26, 2, where) + get(in, local + 28, 2, where);
-    if (data > in.size() || in.size() - data < size) throw Error(where + ": the archive is cut off");
-    if (name.ends_with(".npy")) name.resize(name.size() - 4);
-    const auto checksum = static_cast<std::uint32_t>(get(in, at + 16, 4, where));
-    if (!entries.emplace(name, NpzEntry{in.substr(data, size), checksum}).second)
-      throw Error(where + ": " + excerpt(name) + " stands twice in the archive: remove one");
-    at += 46 + name_size + extra + comment;
+    if (data > in.size() || in.size() - data < packed)
+      throw Error(where + ": the zip archive is cut short: copy or export it again");
+    e.packed = in.substr(data, packed);
+    entries.push_back(std::move(e));
+    at = name + name_size + extra + get(in, at + 32, 2, where);
+  }
+  return entries;
+}
+
+std::map<std::string, NpzEntry> npz_entries(std::string_view in, const std::string& where) {
+  std::map<std::string, NpzEntry> entries;
+  for (ZipEntry& e : zip_entries(in, where)) {
+    if (e.method != 0)
+      throw Error(where + ": " + excerpt(e.name) +
+                  " is compressed: save with numpy.savez, not savez_compressed");
+    if (e.packed.size() != e.size)
+      throw Error(where + ": the directory of the zip archive is damaged: copy or export it again");
+    if (e.name.ends_with(".npy")) e.name.resize(e.name.size() - 4);
+    if (!entries.emplace(e.name, NpzEntry{e.packed, e.checksum}).second)
+      throw Error(where + ": " + excerpt(e.name) + " stands twice in the archive: remove one");
   }
   return entries;
 }

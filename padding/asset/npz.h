@@ -95,6 +95,19 @@ class NpzWriter {
 // The archive as bytes, arrays in alphabetical order.
 std::string npz_bytes(const Npz& arrays);
 
+// A file of a zip archive, which is borrowed.
+struct ZipEntry {
+  std::string name;
+  int method = 0;          // 0 stored, 8 deflated
+  std::uint64_t size = 0;  // unpacked, as the directory says
+  std::uint32_t checksum = 0;
+  std::string_view packed;
+};
+
+// The directory of a zip archive (PKWARE's APPNOTE.TXT, sections 4.3 and 4.4), ZIP64 included. Throws Error,
+// which begins with `where`, for bytes that are no zip archive, damaged or encrypted.
+std::vector<ZipEntry> zip_entries(std::string_view bytes, const std::string& where);
+
 // A .npy file of an archive, which is borrowed, and the checksum that the archive's directory gives for it.
 struct NpzEntry {
   std::string_view bytes;

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Reads files out of a zip archive, stored or deflated ones. Not installed.
 #pragma once
-#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "padding/asset/npz.h"
 
 namespace padder {
 
@@ -12,7 +13,8 @@ namespace padder {
 class Zip {
  public:
   // Throws Error, which begins with `where`, for bytes that are no zip archive, damaged or encrypted.
-  Zip(std::string_view bytes, const std::string& where);
+  Zip(std::string_view bytes, const std::string& where)
+      : where_(where), entries_(zip_entries(bytes, where)) {}
 
   bool has(std::string_view name) const { return find(name) != nullptr; }
   // Returns the bytes of a file. The case of letters in its name does not count, as in packages of 3MF.
@@ -21,21 +23,10 @@ class Zip {
   std::string read(std::string_view name, std::size_t most) const;
 
  private:
-  struct Entry {
-    std::string name;
-    std::size_t local = 0, packed = 0, size = 0;
-    unsigned method = 0;
-    unsigned long checksum = 0;
-  };
-  const Entry* find(std::string_view name) const;
-  // Reads the numbers of an entry that ZIP64 continues in its extra field, those `extra` bytes at `at`.
-  void widen(Entry& e, std::size_t at, std::size_t extra) const;
-  std::uint64_t read_number(std::size_t at, int bytes) const;  // little-endian
-  [[noreturn]] void fail(const std::string& what) const;
+  const ZipEntry* find(std::string_view name) const;
 
-  std::string_view bytes_;
   std::string where_;
-  std::vector<Entry> entries_;
+  std::vector<ZipEntry> entries_;
 };
 
 }  // namespace padder

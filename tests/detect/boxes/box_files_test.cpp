@@ -140,7 +140,7 @@ TEST(SphereFile, WhatIsNoFileOfSpheresIsNamed) {
   const std::string whole = npy(npy_array(f.four.data(), {f.n(), 4}));
   refused("cut.npy", whole.substr(0, whole.size() / 2), "does not fit its shape");
   refused("tags.npy", npy(npy_array(f.family.data(), {f.n() / 4, 4})), "float32 or float64");
-  refused("other.npz", "not an archive", "not an .npz archive");
+  refused("other.npz", "not an archive", "no zip archive");
   const NpyArray centers = npy_array(f.centers.data(), {f.n(), 3}),
                  radii = npy_array(f.radii.data(), {f.n()});
   refused("half.npz", npz_bytes({{"centers", centers}}), "are needed");
@@ -152,7 +152,7 @@ TEST(SphereFile, WhatIsNoFileOfSpheresIsNamed) {
           npz_bytes({{"centers", centers}, {"radii", radii}, {"world", npy_array(f.family.data(), {3})}}),
           "world: one number for each sphere is wanted");
   const std::string zip = npz_bytes({{"centers", centers}, {"radii", radii}});
-  refused("cut.npz", zip.substr(0, zip.size() / 2), "not an .npz archive");
+  refused("cut.npz", zip.substr(0, zip.size() / 2), "no zip archive");
   std::string damaged = zip;
   damaged[damaged.size() - 6] ^= 0x55;  // where the directory begins
   refused("damaged.npz", damaged, "damaged");
