@@ -28,6 +28,7 @@ Soup read_text_stl(std::string_view text, const std::string& where) {
   Soup soup;
   Lines lines(text);
   int vertices = -1;  // of the facet that is open; -1 outside
+  bool ended = false;
   const auto fail_here = [&](const std::string& what) {
     fail(where, at_line(lines.number()) + what + ": export the mesh again");
   };
@@ -49,6 +50,7 @@ Soup read_text_stl(std::string_view text, const std::string& where) {
       vertices = -1;
       soup.close_face();
     } else if (key == "solid" || key == "endsolid") {
+      ended = key == "endsolid";
       pass_name(line);
     } else if (key != "outer" && key != "loop" && key != "endloop") {
       fail_here(printable(key) + " is no word of STL");
@@ -57,6 +59,7 @@ Soup read_text_stl(std::string_view text, const std::string& where) {
   for (std::string_view line; lines.next(line);)
     for (std::string key; !(key = lower_case(next_word(line))).empty();) statement(key, line);
   if (vertices >= 0) fail(where, "it ends inside a facet: the file is cut short, export it again");
+  if (!ended) soup.notes.push_back("no endsolid stands behind the last facet: the file may be cut short");
   check_counts(soup.points.size(), soup.ends.size(), where);
   return soup;
 }

@@ -234,6 +234,8 @@ TEST_F(Read, StlInBothForms) {
                 .mesh.points[0]
                 .x(),
             0.1);
+  EXPECT_EQ(read("cut.stl", "solid\n" + facet).notes.size(), 1u);
+  EXPECT_TRUE(read("whole.stl", "solid\n" + facet + "endsolid\n").notes.empty());
   EXPECT_EQ(read("blank.stl", "\n\n \tsolid a\n" + facet + "endsolid a\n").mesh.triangles.size(), 1u);
   expect_fault(put("cut.stl", binary_stl(m).substr(0, 500)), "promises 12 facets, but has room for 8");
   expect_fault(put("few.stl", binary_stl(m).replace(80, 1, 1, '\3')), "promises 3 facets, but has 12");
