@@ -218,6 +218,8 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
     if (!report.slots.empty()) why = slots_text(job);
     if (moved > 0.1 * std::max(asked.protrusion, asked.gap) && why.empty())
       why = "so far from the origin doubles are too coarse to write the spheres down: move the mesh";
+    if (why.empty() && m.flat_gap > asked.gap)
+      why = "triangles without area lie apart from the surface: remove them";
     if (why.empty() && a.proved_against == SurfaceKind::none)
       why = "spheres reach around the border of the sheet";
     const auto length = [&](double share) { return short_number(share * job.frame.scale(), 4); };

@@ -127,7 +127,8 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   const double floor = std::max(0.0, options.floor - body.steps.joined_width);
   a.gap_bound = gap_bound(body_surface.mesh(), set, floor).upper + body.steps.joined_width;
   // Triangles without area may lie apart from the others, so they are measured, too.
-  if (!wrap) a.gap_bound = std::max(a.gap_bound, gap_bound(body.flat, set, options.floor).upper);
+  if (!wrap) m.flat_gap = gap_bound(body.flat, set, options.floor).upper;
+  a.gap_bound = std::max(a.gap_bound, m.flat_gap);
   a.gap_max = std::max(gap.max, a.gap_bound);
 
   const BallSampler sampler(body_surface, set, a.gap_max + 1e-6 * body_surface.bounds().diagonal());

@@ -23,6 +23,7 @@ struct AccuracyOptions {
 struct Measured {
   Accuracy accuracy;        // but for `certified`: what was asked for is not known here
   double volume_union = 0;  // of the balls, overlaps counted once
+  double flat_gap = 0;      // the part of gap_bound that triangles without area have
   std::size_t outside = 0;  // the number of balls whose centre lies outside the body (ProtrusionBound)
 };
 
