@@ -255,7 +255,7 @@ class ManifestTest(unittest.TestCase):
         for name, text in {"option": "a.obj --no-such 1\n", "two": "a.obj\na.obj\n", "up": "../a.obj\n", "above": "a.obj -o ../x.spheres.json\n",
                            "root": "a.obj -o /x.spheres.json\n", "names": "a.obj b.obj\n", "value": "a.obj --tolerance x\n",
                            "format": "a.obj -o a.unknown\n", "none": "# nothing\n", "wide": "a\0.\0o\0", "nowhere": "a.obj -o sub/\n",
-                           "conversion": "a.spheres.json -o a.csv --effort 2\n"}.items():
+                           "conversion": "a.spheres.json -o a.csv --effort 2\n", "robot": "a.obj --robot-spheres 5\n"}.items():
             self.put(name + ".txt", text)
             done = self.run_pad("--manifest", name + ".txt", "-o", "out", code=1 if name == "none" else 2)
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "tools/pad/one_part.h"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -13,6 +14,7 @@
 #include "tools/pad/convert.h"
 #include "tools/pad/report.h"
 #include "tools/pad/robot.h"
+#include "tools/streams.h"
 
 namespace padder {
 
@@ -68,6 +70,15 @@ void check_conversion(const PadArguments& a, const std::map<std::string, std::st
     throw cli::UsageError(
         file + " is a file of spheres, by its ending, which is converted and not padded again: leave out " +
         cli::listed(unfit));
+}
+
+void check_robot_options(const CLI::App& app, const std::vector<std::string>& files) {
+  if (std::ranges::any_of(files, is_robot)) return;
+  for (const std::string option :
+       {"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"})
+    if (app.count(option) > 0)
+      throw cli::UsageError(option + " is for a robot, and " + cli::StreamFiles::spoken(files[0]) +
+                            " is none");
 }
 
 namespace {

@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "padding/pad.h"
 #include "tools/pad/arguments.h"
@@ -34,6 +35,9 @@ struct PadTarget {
 // is settings_of() what holds for it. Throws cli::UsageError.
 void check_conversion(const PadArguments& a, const std::map<std::string, std::string>& given,
                       const std::string& file);
+
+// Options of robots do not fit where none of the files is one. Throws cli::UsageError.
+void check_robot_options(const CLI::App& app, const std::vector<std::string>& files);
 
 // The format of what is made of `mesh`: that of --format or, where -o names a file, that of its ending.
 // Throws cli::UsageError when there is none.

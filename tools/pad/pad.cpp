@@ -218,9 +218,7 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   };
   refuse({"--shard", "--workers", "--page"},
          " is for a folder of meshes or a --manifest, and there is neither");
-  if (std::ranges::none_of(a.meshes, is_robot))
-    refuse({"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"},
-           " is for a robot, and " + files.spoken(a.meshes[0]) + " is none");
+  check_robot_options(app, a.meshes);
   for (const std::string& folder : a.package_folders)
     if (std::error_code code; !fs::is_directory(folder, code))
       throw UsageError("--package-path: there is no folder " + cli::in_quotes(folder));

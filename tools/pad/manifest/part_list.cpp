@@ -122,6 +122,11 @@ class List {
                        ": a line names one mesh, and its options behind it; quote a name with blanks");
     for (const auto& [name, value] : settings_of(app)) settings->given[name] = value;
     const std::string mesh = a.meshes[0];
+    try {
+      check_robot_options(app, {(folder / mesh).string()});
+    } catch (const UsageError& e) {
+      throw UsageError(where + ": " + e.what());
+    }
     // Equal options are stored once: a manifest may have very many lines.
     std::string text = std::to_string(a.seconds) + '\n' + a.memory + '\n' + a.output() + '\n';
     for (const auto& [name, value] : settings->given) text += name + '=' + value + '\n';
