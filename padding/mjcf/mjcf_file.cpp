@@ -38,7 +38,11 @@ MjcfFile::MjcfFile(const fs::path& path) : path_(path) {
   std::vector<std::string> seen{path.filename().string()};
   follow_includes(root(), seen);
   classes_[kMain] = {};
-  for (const pugi::xml_node& node : root().children("default")) add_defaults(node, "");
+  const auto defaults = root().children("default");
+  for (const pugi::xml_node& node : defaults) add_defaults(node, "");
+  // The outermost class holds for all elements, whatever it is called.
+  for (const pugi::xml_node& node : defaults)
+    if (const auto name = node.attribute("class")) classes_.emplace(name.as_string(), classes_[kMain]);
   const std::string unit = compiler("angle", "degree");
   if (unit != "degree" && unit != "radian")
     fail(root().child("compiler"), "angle is degree or radian, not \"" + excerpt(unit) + '"');
@@ -86,7 +90,7 @@ void MjcfFile::follow_includes(pugi::xml_node node, std::vector<std::string>& se
 }
 
 void MjcfFile::add_defaults(pugi::xml_node node, const std::string& above) {
-  const std::string name = node.attribute("class").as_string(above.empty() ? kMain : "");
+  const std::string name = above.empty() ? kMain : node.attribute("class").as_string();
   if (name.empty()) fail(node, "a default inside another one needs a class");
   // As in MuJoCo. The chains of classes inside one another would grow without end.
   if (!above.empty() && classes_.contains(name))

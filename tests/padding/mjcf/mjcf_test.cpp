@@ -138,9 +138,10 @@ TEST_F(MjcfTest, EveryGeomStandsWhereMuJoCoPutsIt) {
   const std::string inside =
       "<asset><mesh name='tet' file='tet.obj' scale='.1 -.2 .3' refpos='.1 .2 .3'/>"
       "<mesh name='turned' file='tet.obj' scale='-.1 -.1 -.1' refpos='.1 .2 .3' refquat='1 .2 0 .3'/></asset>"
-      "<default><geom size='.1 .2 .3'/><joint damping='3'/><default class='arm'><geom type='capsule' "
+      "<default class='top'><geom size='.1 .2 .3'/><joint damping='3'/><default class='arm'><geom "
+      "type='capsule' "
       "euler='.3 .2 .1'/><default class='thin'><geom size='.02'/></default></default></default>"
-      "<worldbody><geom type='plane' size='1 1 1'/><geom type='box' pos='3 0 0' quat='1 2 3 4'/>"
+      "<worldbody><geom type='plane' size='1 1 1'/><geom class='top' type='box' pos='3 0 0' quat='1 2 3 4'/>"
       "<body name='base' pos='0 0 1' axisangle='1 1 0 .5'><freejoint name='root'/><geom type='ellipsoid' "
       "xyaxes='1 1 0 -1 1 .5'/><body name='upper' childclass='arm' pos='0 .2 0' euler='.3 -.2 1'>"
       "<joint name='shoulder' axis='0 1 1'/><geom/><geom type='cylinder' pos='.1 .2 .3'/><geom type='sphere' "
