@@ -112,7 +112,7 @@ class Skin {
         mesh_.triangles.push_back(t);
       }
     find_shells();
-    double enclosed = 0, area = 0, area_outside = 0;
+    double area = 0, area_outside = 0;
     std::vector<std::uint32_t> inward;
     for (std::size_t k = 0; k < triangles_.size(); k++) {
       const std::uint32_t t = triangles_[k];
@@ -132,6 +132,7 @@ class Skin {
 
   // More than two triangles meet in an edge, and the piece is mostly skin and what is in it.
   bool found = false;
+  double enclosed = 0;
   std::vector<std::uint32_t> skin, inside, outside;
   std::size_t turned = 0;  // triangles of the skin
 
@@ -260,11 +261,14 @@ class PieceWork {
       const bool repeats = once.size() < triangles_.size();
       if (const auto both_ways = without_repeats(true); repeats && is_body(both_ways))
         return keep(both_ways, true);
+      // A body that faces inward repeats walls of its neighbours in the same direction. All edges close with
+      // them, but its volume is taken away.
+      const double enclosed = repeats && is_body(triangles_) ? std::abs(signed_volume(mesh_, triangles_)) : 0;
       Skin skin(mesh_, once);
-      if (skin.found) return keep_skin(std::move(skin), once.size());
-      // Last, because a body that faces inward repeats a wall of its neighbour in the same direction.
-      if (repeats && is_body(triangles_)) return keep(triangles_, true);
-      set_corners(once, turned);
+      if (skin.found && skin.enclosed > (1 + kLeastEnclosed) * enclosed)
+        return keep_skin(std::move(skin), once.size());
+      set_corners(once, enclosed > 0 ? given : turned);
+      if (enclosed > 0) return keep(triangles_, true);
     }
     for (std::size_t k = 0; k < once.size(); k++) all_.turned += given[k] != mesh_.triangles[once[k]];
     return keep(once, closed);

@@ -189,7 +189,8 @@ std::string words(const Repaired& body, double diagonal) {
                     : "made one body of " + count_of(s.pieces, "piece") + " that cross or touch (") +
                count_of(s.crossing_pairs, "pair") + " of triangles)");
   if (s.crossing_pairs == 0 && s.buried_area > 0)
-    report.add("left out walls inside (" + percent(s.buried_area / (area + s.buried_area)) + " of the surface)");
+    report.add("left out walls inside (" + percent(s.buried_area / (area + s.buried_area)) +
+               " of the surface)");
   if (s.copies > 0)
     report.add("took " + count_of(s.copies, "inner shell") +
                " for a copy or a coarser level of the one around it");

@@ -68,13 +68,10 @@ class PieceJoiner {
       if (!closed[t]) loose.push_back(t);
     const std::vector<Side> sides = sides_of(pieces_.mesh, loose);
     std::vector<DirectedEdge> odd;
-    bool crowded = false;
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
-      crowded |= end - begin > 2;
       const auto [from, to] = ends_of(sides[begin].edge);
       if ((end - begin) % 2 == 1) odd.push_back({from, to});
     });
-    if (!crowded) return false;
     SplitEdges split = split_edges(pieces_.mesh, loose, odd, width);
     if (split.count == 0) return false;
     Pieces before = std::exchange(pieces_, find_pieces(split.mesh));
