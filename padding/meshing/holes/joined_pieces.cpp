@@ -55,7 +55,8 @@ class PieceJoiner {
     }
   }
 
-  // Returns whether edges were split.
+  // Returns whether edges were split: at the corners of those with an odd number of triangles, or, where more
+  // than two meet in an edge, as in the walls of bodies that touch, at all corners.
   bool split_pieces(double width) {
     const std::vector<std::uint32_t> open = open_triangles();
     if (open.empty()) return false;
@@ -67,12 +68,14 @@ class PieceJoiner {
     for (std::uint32_t t = 0; t < closed.size(); t++)
       if (!closed[t]) loose.push_back(t);
     const std::vector<Side> sides = sides_of(pieces_.mesh, loose);
-    std::vector<DirectedEdge> odd;
+    std::vector<DirectedEdge> edges;
+    bool crowded = false;
+    for_edges(sides, [&](std::size_t begin, std::size_t end) { crowded |= end - begin > 2; });
     for_edges(sides, [&](std::size_t begin, std::size_t end) {
       const auto [from, to] = ends_of(sides[begin].edge);
-      if ((end - begin) % 2 == 1) odd.push_back({from, to});
+      if (crowded || (end - begin) % 2 == 1) edges.push_back({from, to});
     });
-    SplitEdges split = split_edges(pieces_.mesh, loose, odd, width);
+    SplitEdges split = split_edges(pieces_.mesh, loose, edges, width);
     if (split.count == 0) return false;
     Pieces before = std::exchange(pieces_, find_pieces(split.mesh));
     if (missing_edges(pieces_.mesh, open_triangles()).size() >= missing_edges(before.mesh, open).size()) {

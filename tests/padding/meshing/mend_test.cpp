@@ -659,6 +659,15 @@ TEST(Mend, TouchingCubesWhoseFacesAreDividedEachByItselfAreSolid) {
     EXPECT_NEAR(volume(r), 2, 1e-9);
     EXPECT_EQ(r.steps.sheet_area, 0);
   }
+  RandomInput random(3);
+  Mesh block;
+  for (int k = 0; k < 18; k++) {
+    std::array<int, 6> parts;
+    for (int& n : parts) n = 1 + static_cast<int>(random.uniform(0, 4.999));
+    block = joined(block,
+                   moved(cube(k % 3, parts), Eigen::Matrix3d::Identity(), {0., k / 3 % 3 * 1., k / 9 * 1.}));
+  }
+  EXPECT_NEAR(volume(mended(block)), 18, 1e-9);
 }
 
 TEST(Mend, CracksWiderThanAQuarterOfTheToleranceAreHoles) {
@@ -960,7 +969,8 @@ TEST(Mend, ACubeThatFacesInwardBetweenOthersIsSolid) {
 TEST(Mend, ACopyThatDiffersByRoundingCountsOnce) {
   const Mesh ball = shapes::sphere(4);
   Mesh copy = ball;
-  for (std::size_t v = 0; v < copy.points.size(); v += 20) copy.points[v] += (v % 40 ? -1 : 1) * 2e-11 * Vector(1, 2, 3);
+  for (std::size_t v = 0; v < copy.points.size(); v += 20)
+    copy.points[v] += (v % 40 ? -1 : 1) * 2e-11 * Vector(1, 2, 3);
   const Repaired r = mended(joined(ball, copy));
   EXPECT_EQ(r.patches.size(), 0u);
   EXPECT_EQ(r.steps.cavities, 0u);
