@@ -345,17 +345,19 @@ std::int64_t last_bin(const Level& l, double high) {
   return s.bin + (l.hashed && s.rest > l.size * (1 - 0x1p-20));
 }
 
-// The bounds and buckets of a level. It is hashed if it would have more than `most` bins. least_step: of
-// stepped bounds, in bins.
-void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bounds, std::uint64_t least_step) {
+// The bounds and buckets of a level. It is hashed if it would have more than `most` bins, or more than
+// `most_along` along an axis. least_step: of stepped bounds, in bins.
+void lay_out(Level& l, const Summary::Octave& all, double most, std::int64_t most_along, GridBounds bounds,
+             std::uint64_t least_step) {
   double bins = 1, within = 1;
+  std::int64_t longest = 0;
   l.filled = l.least_filled = 1;
   for (int k = 0; k < 3; k++) {
     std::int64_t low = split(l, all.low[k]).bin, high = split(l, all.high[k]).bin;
     const std::int64_t wide = high - low + 1;
     std::int64_t filled = wide;
     double least_filled = std::min(std::floor((all.high[k] - all.low[k]) / l.size) + 1.0, double(wide));
-    within *= static_cast<double>(wide + 2);
+    within *= static_cast<double>(wide + 2), longest = std::max(longest, wide);
     if (bounds == GridBounds::stepped) {
       const auto step = static_cast<std::int64_t>(
           std::max(std::bit_floor(static_cast<std::uint64_t>(wide / 32 + 1)), least_step));
@@ -377,7 +379,7 @@ void lay_out(Level& l, const Summary::Octave& all, double most, GridBounds bound
     l.filled *= static_cast<double>(filled) / static_cast<double>(high - low + 1);
     l.least_filled *= least_filled / static_cast<double>(high - low + 1);
   }
-  if (within <= most && bins <= 0x1p31) {
+  if (within <= most && longest <= most_along && bins <= 0x1p31) {
     l.buckets = static_cast<std::uint32_t>(bins);
     return;
   }
@@ -497,7 +499,11 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     const double most = begins.size() == 1 ? 0x1p31 : 0x1p28;
     // Coarse levels have few bins, and a step of one would be passed often: all levels share one grid, which
     // any of them changes.
-    lay_out(l, all, bins_per_sphere > 0 ? std::min(many + 4096, most) : 0, bounds, level > 0 ? 4 : 1);
+    // A GPU wants bins in float, also when bounds are wider than the spheres are.
+    const std::int64_t most_along =
+        cross_search == CrossSearch::coarse_to_fine ? kMostFloatBins * 15 / 16 - 8 : INT64_MAX;
+    lay_out(l, all, bins_per_sphere > 0 ? std::min(many + 4096, most) : 0, most_along, bounds,
+            level > 0 ? 4 : 1);
   }
   if (cross_search == CrossSearch::coarse_to_fine) widen_rings(g, s.count);
   for (int k = 0; k < g.levels; k++) g.level[k].offset = g.buckets, g.buckets += g.level[k].buckets;

@@ -13,6 +13,8 @@
 namespace padder::detect {
 
 inline constexpr int kMaxLevels = 12, kOctaves = 64;
+// The most bins along an axis of a dense level that bins in float can tell apart (detect/cuda/order/bins.h).
+inline constexpr std::uint32_t kMostFloatBins = 4096;
 inline constexpr int kUnitBits =
     24;  // a bin's edge is 2^24 fixed-point units, so a 32-bit place is known modulo 2^8 bins
 

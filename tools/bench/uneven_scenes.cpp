@@ -230,6 +230,13 @@ Spheres power_law(std::uint64_t n, SplitMix64& random) {
   return s;
 }
 
+Spheres channel(std::uint64_t n, SplitMix64& random) {
+  const double length = count_of(n) * 11.5 / 400;
+  return all_of(n, [&](std::uint64_t) {
+    const double x = random.unit() * 20, y = random.unit() * 20, z = random.unit() * length;
+    return at(x, y, z);
+  });
+}
 Spheres lognormal_of(double sigma, std::uint64_t n, double volume, SplitMix64& random) {
   Spheres s = uniform(n, volume, random);
   for (FloatSphere& f : s) f.r = static_cast<float>(std::exp(sigma * normal(random)));
@@ -360,6 +367,7 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"sheet", "a tilted layer", 1.7, sheet},
       {"walk", "a random walk", 1.7, walk},
       {"column", "a chain along the diagonal", 1.7, column},
+      {"channel", "20 wide, 20 high and long", 1.7, channel},
       {"clusters", "boxes of 1 to n / 4 spheres, crowded to thin", 1.7, clusters},
       {"cauchy", "thinner outwards, without an end", 1.7, cauchy},
       {"two_layers", "two layers 100,000 apart", 1.7, two_layers},

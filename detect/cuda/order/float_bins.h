@@ -13,7 +13,6 @@ enum class SlotKind : std::uint8_t { equal, unequal, fixed_point };
 
 // The bins of one level, computed in float (bins.h) where float is exact enough. Keys then follow from the
 // slots and are never stored.
-inline constexpr std::uint32_t kMostFloatBins = 4096;          // on an axis; the proof in bins.h needs it
 inline constexpr std::int64_t kMostHashedFloatBins = 1 << 22;  // from the origin, of a hashed level
 struct FloatBins {
   float origin[3] = {0, 0, 0}, per_size[3] = {0, 0, 0};

@@ -337,6 +337,22 @@ TEST(Grid, HashedLevelsOfALayerAreBounded) {
 
 // Bins of points are as small as coordinates allow. If the step of these were 2^30 of them, a third of the
 // points would share a bucket of the ring, and each would be tested against each.
+// Bins in float are for dense levels of no more than kMostFloatBins bins along an axis, also while the bounds
+// are wider than the spheres.
+TEST(Grid, LongLevelsAreHashedForAGpu) {
+  for (const double length : {2.0 * kMostFloatBins * 0.9, 2.0 * kMostFloatBins * 0.97, 1e5}) {
+    std::vector<Sphere> spheres;
+    for (int k = 0; k < 20'000; k++) spheres.push_back({length * k / 20'000, k % 7 * 2.0, k % 5 * 2.0, 1});
+    for (const GridBounds bounds : {GridBounds::tight, GridBounds::stepped, GridBounds::wide}) {
+      const Level on_gpu =
+          choose_grid(summary_of(spheres), 0, 400, CrossSearch::coarse_to_fine, bounds).level[0];
+      EXPECT_EQ(on_gpu.hashed, length > 2.0 * kMostFloatBins * 0.95) << length;
+      if (!on_gpu.hashed) EXPECT_LE(on_gpu.count[0], kMostFloatBins) << length;
+      EXPECT_FALSE(choose_grid(summary_of(spheres), 0, 400, CrossSearch::cheaper, bounds).level[0].hashed);
+    }
+  }
+}
+
 TEST(Grid, FewPointsOnALineShareABucket) {
   std::vector<Sphere> points;
   for (int k = 0; k <= 1 << 12; k++) points.push_back({1.5 * k, 1.5 * k, -1.5 * k, 0});
