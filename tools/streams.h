@@ -41,7 +41,7 @@ class StreamFiles {
   StreamFiles() = default;
   ~StreamFiles() {
     std::error_code code;
-    if (!folder_.empty()) std::filesystem::remove_all(folder_, code);
+    if (!temporary.empty()) std::filesystem::remove_all(temporary, code);
     when_ended() = nullptr;
   }
   StreamFiles(const StreamFiles&) = delete;
@@ -76,8 +76,8 @@ class StreamFiles {
 
   // A sentence without the name of the temporary folder.
   static std::string spoken(std::string sentence) {
-    if (folder_.empty()) return sentence;
-    for (const std::string& prefix : {(folder_ / "out").string() + "/", folder_.string() + "/"})
+    if (temporary.empty()) return sentence;
+    for (const std::string& prefix : {(temporary / "out").string() + "/", temporary.string() + "/"})
       for (std::size_t at; (at = sentence.find(prefix)) != std::string::npos;)
         sentence.erase(at, prefix.size());
     return sentence;
@@ -85,18 +85,18 @@ class StreamFiles {
 
  private:
   const std::filesystem::path& folder() {
-    if (!folder_.empty()) return folder_;
+    if (!temporary.empty()) return temporary;
     std::error_code code;  // set when TMPDIR names no folder
     std::string name = (std::filesystem::temp_directory_path(code) / "padder-XXXXXX").string();
     if (code || !::mkdtemp(name.data()))
       throw Error(name + ": a temporary folder cannot be made: set TMPDIR to another");
-    folder_ = name;
-    note(3, folder_);
+    temporary = name;
+    note(3, temporary);
     when_ended() = [] {  // calls only what a signal handler may call
       for (const int file : {0, 1}) ::unlink(left_behind[file]);
       for (const int folder : {2, 3}) ::rmdir(left_behind[folder]);
     };
-    return folder_;
+    return temporary;
   }
 
   void note(int number, const std::filesystem::path& path) {
@@ -105,7 +105,7 @@ class StreamFiles {
 
   // What is removed when a signal ends the program: two files, then the folders that they are in.
   inline static char left_behind[4][4096];
-  inline static std::filesystem::path folder_;
+  inline static std::filesystem::path temporary;
   std::filesystem::path output_;
 };
 

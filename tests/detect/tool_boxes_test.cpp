@@ -127,8 +127,8 @@ TEST_F(DetectBoxes, WrongUsageIsASentence) {
   expect_said("npy.json --devices 2 --backend omp -o c.txt", 2, "cannot tell the format");
   EXPECT_FALSE(fs::exists(folder_ / "c.csv"));
   const std::string mapped = read_file(folder_ / "spheres.npy");
-  expect_said("spheres.npy --backend omp -o spheres.npy", 2, "a file of the scene itself");
-  expect_said("npy.json --backend omp --memory 1M -o ./spheres.npy", 2, "a file of the scene itself");
+  expect_said("spheres.npy --backend omp -o spheres.npy", 2, "a file that this run reads");
+  expect_said("npy.json --backend omp --memory 1M -o ./spheres.npy", 2, "a file that this run reads");
   EXPECT_EQ(read_file(folder_ / "spheres.npy"), mapped);
   write_spheres(5000);
   expect_said("npy.json --backend omp --memory 64K", 1, "raise the limit");

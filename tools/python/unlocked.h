@@ -8,7 +8,7 @@
 
 namespace padder::python {
 
-inline const pid_t loaded_by = getpid();
+inline const pid_t kLoadedBy = getpid();
 
 // Returns what `work()` returns, or throws what it throws. A child of fork(), as multiprocessing makes it,
 // has none of the threads that OpenMP keeps for the thread that forked, and that thread would wait for them
@@ -16,7 +16,7 @@ inline const pid_t loaded_by = getpid();
 template <class Work>
 auto unlocked(Work work) {
   const pybind11::gil_scoped_release release;
-  if (getpid() == loaded_by) return work();
+  if (getpid() == kLoadedBy) return work();
   return std::async(std::launch::async, work).get();
 }
 

@@ -118,7 +118,9 @@ __global__ void __launch_bounds__(Threads, kWideBlock / Threads)
   const auto& bins_here = bins_of_level(grid_bins, buckets.level_of(blockIdx.x));
   const std::uint32_t first = buckets.first_entry(blockIdx.x),
                       width = buckets.first_entry(blockIdx.x + 1) - first;
-  if (Kept && counters->flags) return;  // a bucket ran into another
+  // Spheres are not where they should be. What the split has set is the same for all threads; kCrowded is
+  // not: another block may set it meanwhile.
+  if (Kept && counters->flags & (kOutside | kOutgrown)) return;
   if (count > capacity) {
     if (threadIdx.x == 0) atomicOr(&counters->flags, kCrowded);
     return;
