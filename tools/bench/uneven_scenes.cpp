@@ -77,6 +77,19 @@ Spheres one_far_poly100(std::uint64_t n, SplitMix64& random) {
   s[0] = at(1e6, -2e6, 3e6, s[0].r);
   return s;
 }
+Spheres ground_poly100(std::uint64_t n, SplitMix64& random) {
+  Spheres s = poly100(n, random);
+  const FloatSphere lowest =
+      *std::min_element(s.begin(), s.end(), [](auto& a, auto& b) { return a.z - a.r < b.z - b.r; });
+  s[0] = at(lowest.x, lowest.y, lowest.z - lowest.r - 1e6, 1e6);
+  return s;
+}
+Spheres fallen_poly100(std::uint64_t n, SplitMix64& random) {
+  Spheres s = poly100(n, random);
+  for (std::size_t k = 0; k < s.size(); k += 100)
+    s[k].z -= static_cast<float>(1e6 * random.unit() * random.unit());
+  return s;
+}
 
 // Half in a Gaussian clump, half spread 12 times as far.
 Spheres clump(std::uint64_t n, SplitMix64& random) {
@@ -375,6 +388,8 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"poly100", "radii 1 to 100", 2.2, poly100},
       {"escaped_poly", "poly100, one in 1,000 thrown up to 100 edges away", 2.2, escaped_poly100},
       {"one_far_poly", "poly100, a single sphere at 3e6", 2.2, one_far_poly100},
+      {"ground_poly", "poly100 on one sphere of radius 1e6", 3, ground_poly100},
+      {"fallen_poly", "poly100, one in 100 fallen as far as 1e6", 2.2, fallen_poly100},
       {"lognormal", "log-normal radii, sigma 0.5", 2.2, lognormal},
       {"lognormal_wide", "log-normal radii, sigma 1", 3, lognormal_wide},
       {"one_in_2000", "one in 2,000 is 30 times as large", 2.2, one_in_2000},
