@@ -289,6 +289,32 @@ TEST_P(SettleTest, APileComesToRestAndItsEnergyOnlyFalls) {
 // lies at the angle of repose. Spheres with friction 0.5 and little or no rolling resistance have 15 to 28
 // degrees (Zhou, Xu, Yu and Zulli, An experimental and numerical study of the angle of repose of coarse
 // spheres, Powder Technology 125, 2002).
+// A plate that falls flat meets the floor with all its spheres at once, and their dampers pull together.
+TEST_P(SettleTest, APlateThatFallsFlatComesToRest) {
+  for (const int side : {3, 10, 24}) {
+    System s = empty_system();
+    s.walls.push_back(floor_with(0.5));
+    std::vector<detect::Sphere> plate;
+    for (int x = 0; x < side; x++)
+      for (int y = 0; y < side; y++)
+        plate.push_back({0.015 * (x - (side - 1) / 2.0), 0.015 * (y - (side - 1) / 2.0), 0, 0.01});
+    s.shapes.push_back(plate);
+    const double mass = 0.01 * side * side, across = mass * std::pow(0.015 * side, 2) / 12;
+    add_body(s, 0, {mass, {across, across, 2 * across}}, {0, 0, 0.012}, {});
+    const StepLimits limits = step_limits(s);
+    EXPECT_NEAR(limits.chosen * 25 / (limits.longest * 6), std::min(1.0, 40.0 / (side * side)), 1e-12);
+    s.step = limits.chosen;
+    Stepper stepper(s, on());
+    const double first = stepper.watch().total(), fall = 9.81 * mass * 0.002;
+    while (stepper.time() < 0.1) {
+      stepper.step(16);
+      ASSERT_LE(stepper.watch().total(), first + 0.1 * fall) << side << " at " << stepper.time();
+    }
+    EXPECT_LT(length(stepper.system().velocity[0]), 1e-3) << side;
+    EXPECT_EQ(stepper.contacts(), plate.size());
+  }
+}
+
 TEST_P(SettleTest, AHeapHasAnAngleOfReposeInThePublishedRange) {
   System s = empty_system(0.5, 0.3);
   s.law.stiffness = 1e4, s.law.tangential_stiffness = 2e4 / 7;
