@@ -193,7 +193,7 @@ double level_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Su
   return cost;
 }
 
-// Are bins for the octave so many that they would have to be hashed, if it had so many spheres?
+// Would a level of this octave, with so many spheres, have more than 8 bins for each of them?
 bool is_sparse(const Summary::Octave& o, std::uint64_t count) {
   double bins = 1;
   for (int c = 0; c < 3; c++) bins *= bins_along(o, c, o.need_max);
@@ -245,8 +245,8 @@ Summary gathered(Summary s) {
   return s;
 }
 
-// The octaves that hold spheres, from the finest to the coarsest. If they are more than there can be levels,
-// neighbours that would test few pairs of their own become one run, until they are not.
+// The octaves that hold spheres, from the finest to the coarsest. While there are more than there can be
+// levels, those two neighbours become one run that together would test the fewest pairs of their own.
 std::vector<Run> populated(const Summary& s) {
   std::vector<Run> runs;
   for (int o = kOctaves - 1; o >= 0; o--)

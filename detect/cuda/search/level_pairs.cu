@@ -40,6 +40,7 @@ double density_of(const Level& l) {
 double existing(const Level& l, int axis, double bins) {
   return bounded(l, axis) ? std::min<double>(bins, l.count[axis]) : bins;
 }
+
 // How the spheres of level `from` are grouped, or their rows divided, so that a unit finds about as many
 // contacts as a warp's queue holds. `reach`: of the largest, in bins of level `at`. `larger`: units are to be
 // so many times as large.
