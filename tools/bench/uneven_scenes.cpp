@@ -337,6 +337,28 @@ Spheres cauchy(std::uint64_t n, SplitMix64& random) {
   }
   return s;
 }
+// One in 100 stands in crowds, of 1,000 at a point each.
+Spheres crowds(std::uint64_t n, SplitMix64& random) {
+  Spheres s = dense(n, random);
+  const std::size_t crowds = std::max<std::size_t>(s.size() / 100'000, 1), apart = s.size() / crowds;
+  for (std::size_t k = 0; k < s.size() / 100; k++) s[100 * k] = s[k % crowds * apart + 1];
+  return s;
+}
+// About a point, as many at each distance, so that their density goes by 1 / distance^2. A thousand reach it.
+template <class Radius>
+Spheres about_a_point(std::uint64_t n, SplitMix64& random, const Radius& radius) {
+  return all_of(n, [&](std::uint64_t) {
+    const double far = count_of(n) / 500 * random.unit(), r = radius(), z = random.signed_unit(),
+                 turn = 2 * std::numbers::pi * random.unit(), flat = far * std::sqrt(1 - z * z);
+    return at(flat * std::cos(turn), flat * std::sin(turn), far * z, r);
+  });
+}
+Spheres cusp(std::uint64_t n, SplitMix64& random) {
+  return about_a_point(n, random, [] { return 1; });
+}
+Spheres cusp_poly(std::uint64_t n, SplitMix64& random) {
+  return about_a_point(n, random, [&] { return std::min(10.0, std::pow(1 - random.unit(), -1 / 2.4)); });
+}
 // Over a square that has so much area for each sphere; sphere k is sphere(k, x, y).
 template <class OneSphere>
 Spheres over_square(std::uint64_t n, double area, SplitMix64& random, const OneSphere& sphere) {
@@ -383,18 +405,21 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"channel", "20 wide, 20 high and long", 1.7, channel},
       {"clusters", "boxes of 1 to n / 4 spheres, crowded to thin", 1.7, clusters},
       {"cauchy", "thinner outwards, without an end", 1.7, cauchy},
+      {"crowds", "dense, one in 100 in crowds of 1,000 at a point each", 1.7, crowds},
+      {"cusp", "density by 1 / distance^2 about a point", 1.7, cusp},
       {"two_layers", "two layers 100,000 apart", 1.7, two_layers},
       {"poly35", "radii 1 to 4", 2.2, poly35},
       {"poly100", "radii 1 to 100", 2.2, poly100},
       {"escaped_poly", "poly100, one in 1,000 thrown up to 100 edges away", 2.2, escaped_poly100},
       {"one_far_poly", "poly100, a single sphere at 3e6", 2.2, one_far_poly100},
-      {"ground_poly", "poly100 on one sphere of radius 1e6", 3, ground_poly100},
+      {"ground_poly", "poly100 on one sphere of radius 1e6", 3, ground_poly100, true},
       {"fallen_poly", "poly100, one in 100 fallen as far as 1e6", 2.2, fallen_poly100},
       {"lognormal", "log-normal radii, sigma 0.5", 2.2, lognormal},
       {"lognormal_wide", "log-normal radii, sigma 1", 3, lognormal_wide},
       {"one_in_2000", "one in 2,000 is 30 times as large", 2.2, one_in_2000},
       {"two_sizes", "two heaps of radius 1 and 37, far from each other", 2.2, two_sizes, true},
       {"power_law", "radii by a power law, exponent 4.2", 2.2, power_law},
+      {"cusp_poly", "radii 1 to 10, density by 1 / distance^2 about a point", 2.2, cusp_poly},
       {"poly_layer", "radii by a power law, 1 to 100, in a plane", 2.2, poly_layer},
       {"outwards", "radii 1 to 100 that grow with the distance", 2.2, outwards, true},
       {"dusted", "spheres of radius 100, each dusted with 999 of radius 1", 2.2, dusted},
