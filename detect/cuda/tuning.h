@@ -139,6 +139,18 @@ inline constexpr std::uint32_t kFewTilesOfProcessor = 16;
 // to 2,816 tiles wait": poly100 1e5 0.0685 to 0.077. Order.
 inline constexpr std::uint32_t kMostOrderedTiles = 1056;
 
+// Rows of bins that are not searched by the warp that comes upon them, but deferred to a list
+// (search/long_rows.h): with more than kLongRow candidates, among those of 32 spheres at their own level; and
+// with more than kLongRowOfUnit from where on a unit has had more than kLongUnit (fused search:
+// kFusedLongUnit) candidates. A part of a row has kRowPart candidates at most, and so many blocks a processor
+// search them. Row, part "search", "long rows". Order.
+inline constexpr std::uint32_t kLongRow = 64, kLongRowOfUnit = 16, kRowPart = 512;
+inline constexpr std::uint32_t kLongUnit = 4096, kFusedLongUnit = 12288;
+inline constexpr int kLongRowBlocks = 8;
+// With more parts than this, rows are searched as they come: then each warp has enough to do, and the list
+// would take much memory. No row.
+inline constexpr std::uint64_t kMostRowParts = 1 << 22;
+
 // From this many spheres on, a warp of the search of several levels takes units as long as there are any, and
 // units have quotas. Row "a unit has a share by the volume it reaches into": poly100 5e6 1.65 to 1.39 ms.
 // Order.

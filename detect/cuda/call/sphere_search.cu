@@ -28,6 +28,7 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   s.exact = options.precision == Precision::exact || options.margin > 0;
   // With a history, contacts have slots of their own even in any order: then they stay near their place.
   s.stable_order = options.order == Order::stable || options.history;
+  s.defers = true;
   s.own = options.own, s.radius = summary.radius_max, s.margin = options.margin;
   s.owns_all = options.own == Region{};
   if (!s.owns_all) s.owner_band = owner_band(extent_of(summary), summary.radius_max, options.margin);
@@ -49,7 +50,8 @@ Counters expected_next(const Counters& before, const Counters& now) {
   };
   Counters next = now;
   next.own = ahead(before.own, now.own);
-  next.contacts = next.own + ahead(before.contacts - before.own, now.contacts - now.own);
+  const auto of_units = [](const Counters& c) { return c.contacts - c.deferred - c.own; };
+  next.contacts = next.own + ahead(of_units(before), of_units(now)), next.deferred = 0;
   next.expected = ahead(before.expected, now.expected);
   return next;
 }
@@ -118,6 +120,7 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   plan_.source = source, plan_.grid = grid_;
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
+  plan_.search.long_rows = long_rows_;
   plan_.search.rounded = rounded_ && may_round(source, summary, call.options.margin);
   const bool floats = (plan_.search.rounded || !source.wide) && source.placed == 0 &&
                       float_range(summary.extent, summary.radius_max + call.options.margin / 2);
@@ -301,6 +304,11 @@ struct SphereSearch::Steps {
       } else {
         s.method_ = OrderMethod::sort;
       }
+    } else if (search.defers && found.long_rows > tuning::kMostRowParts) {
+      search.defers = false, search.long_rows = 0;
+    } else if (found.long_rows > search.long_rows) {
+      // The contacts of long rows are not counted yet. In motion their number changes.
+      search.long_rows = s.long_rows_ = found.long_rows + found.long_rows / 2 + 256;
     } else if (too_short || quota != search.quota ||
                (stable && found.spilled > s.tools_.search.spill.capacity())) {
       // A list that was long enough for these spheres before will be too short again.
@@ -321,7 +329,7 @@ struct SphereSearch::Steps {
 
 void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
   const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
-  if (planned_for != source.count) spread_ = false, crowding_ = 0;
+  if (planned_for != source.count) spread_ = false, crowding_ = 0, long_rows_ = 0;
   const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
                        plan_.search.margin == call.options.margin && planned_wide_ == source.wide;
   const Counters before = found_;

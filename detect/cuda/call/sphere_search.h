@@ -78,6 +78,7 @@ class SphereSearch {
   Grid grid_;             // that the next pass is to use
   bool spread_ = false;   // levels are hashed, because spheres are too crowded in some part of a dense level
   int crowding_ = 0;      // OrderRequest::crowding that the spheres asked for
+  std::uint64_t long_rows_ = 0;    // SearchOptions::long_rows that the spheres asked for
   std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
   bool planned_wide_ = false;
   double planned_bin_size_ = 0;  // CallOptions::bin_size of that plan

@@ -13,8 +13,12 @@ struct SearchMemory {
   explicit SearchMemory(MemoryBook& book)
       : sums(book, "the order of the list"),
         marks(book, "the order of the list"),
-        spill(book, "the order of the list") {}
+        spill(book, "the order of the list"),
+        long_rows(book, "crowded spheres"),
+        scratch(book, "crowded spheres") {}
   Buffer<unsigned long long> sums, marks, spill;  // marks: zero where the last search left them so
+  Buffer<unsigned long long> long_rows;
+  Buffer<unsigned char> scratch;
 };
 
 // The words that searches leave at zero, set in `task.stable`; task.tiles and task.units are known. Returns

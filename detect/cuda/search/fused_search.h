@@ -5,6 +5,7 @@
 #pragma once
 #include "detect/cuda/search/fused_queue.h"
 #include "detect/cuda/search/level_rows.h"
+#include "detect/cuda/search/long_rows.h"
 
 namespace padder::detect::cuda {
 
@@ -37,7 +38,6 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
   // Of the row of bins that is searched, where 32 spheres have too many candidates to be looked at together.
   struct LongRow {
     std::uint32_t mask = 0, base = 0, row = 0, done = 0;  // done: candidates of the row
-    std::uint32_t rows = kRows;                           // one more where some run over the end of a ring
     bool longer = true;
   };
 
@@ -45,13 +45,18 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
   __device__ __forceinline__ void take_all(bool of_unit, bool dry) {
     int slow = -1;  // from 0 on: row by row, after this many candidates of each row have been looked at
     LongRow long_row;
+    std::uint32_t taken = 0;  // candidates of the unit so far
     for (bool last = false; !last;) {
       std::uint32_t end;
       if (of_unit) {
-        bool some = __any_sync(kFullWarp, row.begin != row.end);
+        const std::uint32_t waits = __reduce_add_sync(kFullWarp, row.end - row.begin);
+        bool some = waits != 0;
         end = upto;
+        if (taken + waits > tuning::kFusedLongUnit && task.defers)
+          row.end = defer_long_row(task, row.i, row.begin, row.end, tuning::kLongRowOfUnit);
         if (some) {
           end = put_runs(row.i, row.begin, row.end);
+          taken += end - upto;
           some = __any_sync(kFullWarp, row.begin != row.end);
         }
         if (!some) {
@@ -125,15 +130,23 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
                                                 std::uint32_t& end) {
     while (!__any_sync(kFullWarp, s.mask != 0)) {
       if (!s.longer) s.row++, s.done = 0;
-      if (s.row == s.rows) return false;
+      if (s.row > kRows) return false;
       const LevelQuery<kKind> query = level_query<kKind, Hashed>(task, grid, pairs, first);
-      if (query.split) s.rows = kRows + 1;
+      if (s.row == kRows && !query.split) return false;
       std::uint32_t begin = 0, row_end = 0, longest;
 #pragma unroll
       for (std::uint32_t q = 0; q < kRows; q++)
         if (q == s.row) begin = query.begin[q], row_end = query.end[q];
       if (s.row == kRows) begin = query.rest_begin, row_end = query.rest_end;
-      if (skipped + s.done) begin = min((begin & ~3u) + skipped + s.done, row_end);
+      if (skipped) begin = min((begin & ~3u) + skipped, row_end);
+      if (task.defers) {
+        if (!query.valid) row_end = begin;
+        if (s.done == 0)
+          row_end = defer_long_row(task, query.index, begin, row_end, tuning::kLongRow);
+        else if (row_end > begin + tuning::kLongRow)
+          row_end = begin;
+      }
+      if (s.done) begin = min((begin & ~3u) + s.done, row_end);
       s.mask = code_mask<kKind>(task, query.seeker, begin, row_end, query.valid, longest);
       s.base = (begin & ~3u) + 31, s.done += 32, s.longer = longest > 32;
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The families of search kernels, each in a .cu of its own, as the host sees them. Internal.
 #pragma once
+#include "detect/cuda/output/stable_output.h"
 #include "detect/cuda/search/level_pairs.h"
 #include "detect/cuda/search/search_task.h"
 
@@ -23,6 +24,14 @@ void launch_several_levels(const SearchTask& task, const Grid& grid, const Level
                            cudaStream_t stream);
 void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPairs& pairs, int processors,
                          cudaStream_t stream);
+
+// Room for so many parts of long rows, in memory.long_rows.
+LongRows lay_out_long_rows(SearchMemory& memory, std::uint64_t room, std::uint32_t spheres, bool stable,
+                           cudaStream_t stream);
+// Searches the parts that a search has put on the list of task.long_rows. A stable list is finished before,
+// but for these.
+void search_long_rows(SearchTask& task, const Grid& grid, SearchMemory& memory, int processors,
+                      cudaStream_t stream);
 
 // Quotas of units (unit_quotas.cu). The kernel behind it may start early and waits for its end
 // (launch_overlapped). `overlapped`: it does the same behind the kernel before it.

@@ -3,12 +3,52 @@
 // Codes are tested first (level_rows.h); what may touch goes to a queue of the warp. Then full warps test the
 // queue, and those that touch move together in it. Only .cu files include this.
 #pragma once
+#include "detect/cuda/device/ptx.h"
 #include "detect/cuda/output/output_slots.h"
 #include "detect/cuda/search/exact_test.h"
 #include "detect/cuda/search/level_rows.h"
-#include "detect/cuda/search/warp_queue.h"
+#include "detect/cuda/search/long_rows.h"
 
 namespace padder::detect::cuda {
+
+// ---- What a warp found, in shared memory, until its producer has output slots.
+
+// Of a search of the spheres' own level: j follows i, and seldom by more than 2^27, so that a pair is one
+// word. In a hashed level it may follow beyond the last sphere, which the first one follows.
+template <std::uint32_t Capacity>
+struct PairWords {
+  static constexpr std::uint32_t kCapacity = Capacity;
+  alignas(8) std::uint32_t index[Capacity];
+};
+struct PairQueue {
+  using Word = std::uint32_t;
+  static constexpr std::uint32_t kFar = 1u << 27, kLaneShift = 27;
+  std::uint32_t address, first, count;  // of the words; of the warp's spheres; spheres in all
+  __device__ __forceinline__ void put(std::uint32_t k, std::uint32_t word) const {
+    store_shared(address + 4 * k, word);
+  }
+  __device__ __forceinline__ std::uint32_t get(std::uint32_t k) const { return load_shared(address + 4 * k); }
+  __device__ __forceinline__ std::uint32_t i(std::uint32_t word) const {
+    return first + (word >> kLaneShift);
+  }
+  __device__ __forceinline__ std::uint32_t j(std::uint32_t word) const {
+    const std::uint32_t at = first + (word & (kFar - 1));
+    return min(at, at - count);
+  }
+};
+// The same memory for half as many pairs, of any two spheres.
+struct WidePairQueue {
+  using Word = uint2;
+  std::uint32_t address;
+  __device__ __forceinline__ void put(std::uint32_t k, uint2 pair) const {
+    store_shared(address + 8 * k, pair.x, pair.y);
+  }
+  __device__ __forceinline__ uint2 get(std::uint32_t k) const { return load_shared_pair(address + 8 * k); }
+  __device__ __forceinline__ std::uint32_t i(uint2 pair) const { return pair.x; }
+  __device__ __forceinline__ std::uint32_t j(uint2 pair) const { return pair.y; }
+};
+
+// ---- The search.
 
 // Puts the candidates of the rows' rest behind `total` others; `base` as in queue_candidates().
 template <SlotKind Kind, std::uint32_t Capacity>
@@ -186,6 +226,13 @@ static __device__ __noinline__ std::uint32_t search_in_parts(const SearchTask& t
   const int rows = query.split ? kRows + 1 : kRows;
 #pragma unroll 1
   for (int q = 0; q < rows; q++) {
+    if (task.defers) {
+      if (!query.valid) query.end[0] = query.begin[0];
+      if (!range)
+        query.end[0] = defer_long_row(task, query.index, query.begin[0], query.end[0], tuning::kLongRow);
+      else if (query.end[0] > query.begin[0] + tuning::kLongRow)  // they were deferred the first time
+        query.end[0] = query.begin[0];
+    }
     for (std::uint32_t begin = query.begin[0], longest = 64; longest > 32;) {
       std::uint32_t mask = code_mask<Kind>(task, query.seeker, begin, query.end[0], query.valid, longest);
       begin &= ~3u;

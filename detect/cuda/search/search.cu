@@ -59,6 +59,7 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   task.inner = float_box(options.own, -options.owner_band);
   task.outer = float_box(options.own, 2 * options.owner_band);
   task.rounded = options.rounded;
+  task.defers = options.defers;
   task.wide = options.rounded ? kWideRounded : kWide, task.near = options.rounded ? kNearRounded : kNear;
   task.code_limit = code_limit(grid, spheres.bins, options.radius + grid.level[0].grown_by);
   task.test_all = source.filtered || !options.owns_all;
@@ -142,7 +143,7 @@ SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& gr
   if (tiles + blocks_of_warps(pairs.warps) <= tuning::kMostOrderedTiles) return {};
   SlotQuota quota;
   const double own = static_cast<double>(found.own) / std::max(tiles, 1u),
-               of_units = static_cast<double>(found.contacts - found.own);
+               of_units = static_cast<double>(found.contacts - found.deferred - found.own);
   if (own >= 1) quota.tile = static_cast<std::uint32_t>(std::min(rounded(own), 0x1p24));
   if (pairs.units && of_units > 0 && found.expected)
     quota.unit = static_cast<float>(rounded(std::min(of_units / static_cast<double>(found.expected), 1.0)));
@@ -153,6 +154,9 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
             const SearchOptions& options, const Output& output, Counters* counters, SearchMemory& memory,
             int processors, cudaStream_t stream) {
   SearchTask task = make_task(source, grid, spheres, options, output, counters);
+  if (options.long_rows)
+    task.long_rows =
+        lay_out_long_rows(memory, options.long_rows, spheres.count, options.stable_order, stream);
   const SearchPlan plan = choose_family(task, grid, processors);
   const bool fused = plan.fused(), many = fused || spheres.count >= tuning::kManySpheres;
   if (fused) task.tile_spheres = fused_tile(task, plan, processors);
@@ -174,6 +178,7 @@ void search(const DeviceSpheres& source, const Grid& grid, const Ordered& sphere
   else
     launch_one_level(task, grid, plan.family, stream);
   if (options.stable_order) compact(task, fused, processors, stream);
+  if (options.long_rows) search_long_rows(task, grid, memory, processors, stream);
 }
 
 }  // namespace padder::detect::cuda

@@ -18,7 +18,11 @@ struct SearchOptions {
   double owner_band = 0;  // owner_band() of the spheres, unless owns_all
   double radius = 0;      // of all spheres, for SlotKind::equal
   double margin = 0;      // CallOptions::margin; Level::grown_by is half of it or more
-  bool rounded = false;   // slots are doubles rounded to float (kMostRounded)
+  // Long rows go to a list (long_rows.h) with room for so many parts. Where they are more, the caller makes
+  // the room larger and searches again; the other contacts alone are counted then.
+  bool defers = false;
+  std::uint64_t long_rows = 0;
+  bool rounded = false;  // slots are doubles rounded to float (kMostRounded)
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
 

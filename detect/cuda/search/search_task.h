@@ -5,6 +5,21 @@
 
 namespace padder::detect::cuda {
 
+// A bit of the number of contacts that a warp found: they are more than its queue holds, and are searched for
+// again when their slots are known.
+inline constexpr std::uint32_t kQueueOverflow = 1u << 31;
+
+// The list of long_rows.h. Of each part two words, in arrays of their own: its sphere and its first
+// candidate, and the rest.
+struct LongRows {
+  Word *key = nullptr, *value = nullptr;
+  std::uint64_t room = 0;  // parts
+  int index_bits = 32;     // that the index of a sphere takes
+  // For a stable order: the same two arrays, sorted; contacts found by each part, and by those before it.
+  Word *sorted = nullptr, *before = nullptr;
+  std::uint32_t* found = nullptr;
+};
+
 // An OutputTask says what is searched and where contacts go; this adds how candidates are tested.
 struct SearchTask : OutputTask {
   // A contact is reported if its midpoint lies in `own`, unless owns_all. What float finds within `inner`
@@ -37,6 +52,9 @@ struct SearchTask : OutputTask {
   // Warps take units, or work of the fused search, from this counter. Zero between searches; null: one unit a
   // warp.
   unsigned int* next = nullptr;
+  // Long rows are deferred to a kernel of their own; else they are searched as they come.
+  bool defers = false;
+  LongRows long_rows;
 };
 
 }  // namespace padder::detect::cuda

@@ -11,6 +11,14 @@
 namespace padder::detect::cuda {
 namespace {
 
+// Of a search of other levels: the index of j, and the lane or query of i.
+template <std::uint32_t Capacity>
+struct ContactQueue {
+  static constexpr std::uint32_t kCapacity = Capacity;
+  alignas(8) std::uint32_t index[Capacity];
+  unsigned char who[Capacity];
+};
+
 // Tiles use the `index` of it as the words of a PairQueue.
 using UnitQueue = ContactQueue<tuning::kUnitQueue>;
 
@@ -25,7 +33,7 @@ __device__ __noinline__ std::uint32_t search_unit_unqueued(const SearchTask& tas
                                                            std::uint32_t base) {
   const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
   std::uint32_t hits = 0;
-  search_rows<Kind>(task, grid, pairs, queries, warp, nth,
+  search_rows<Kind>(task, grid, pairs, queries, warp, nth, false,
                     [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
                       const std::uint32_t i = queries.index(query);
                       const bool hit = valid && test<Kind>(task, i, queries.slot[query], j, b, !range);
@@ -69,7 +77,7 @@ __device__ __forceinline__ std::uint32_t search_unit(const SearchTask& task, con
   bool doubt = task.test_all;
   std::uint32_t hits = 0;
   search_rows<Kind>(
-      task, grid, pairs, queries, warp, nth,
+      task, grid, pairs, queries, warp, nth, true,
       [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
         bool sure;
         const bool hit = float_test<Kind>(task, queries.slot[query], b, task.rounded, sure) && valid;

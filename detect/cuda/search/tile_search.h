@@ -11,7 +11,7 @@
 #pragma once
 #include "detect/cuda/output/ordered_tiles.h"
 #include "detect/cuda/output/output_slots.h"
-#include "detect/cuda/search/warp_queue.h"
+#include "detect/cuda/search/search_task.h"
 
 namespace padder::detect::cuda {
 

@@ -6,6 +6,7 @@
 #include "detect/cuda/device/warp.h"
 #include "detect/cuda/output/output_slots.h"
 #include "detect/cuda/search/level_pairs.h"
+#include "detect/cuda/search/long_rows.h"
 #include "detect/cuda/search/search_task.h"
 
 namespace padder::detect::cuda {
@@ -48,6 +49,17 @@ __device__ __forceinline__ BinPosition bin_position(const Level& l, const FloatB
           static_cast<float>(s.rest * l.per_size)};
 }
 
+// The slot of sphere number `index` at a level that is not its own. `s`: sphere_of_slot().
+template <SlotKind Kind>
+__device__ __forceinline__ typename SlotOf<Kind>::Type slot_at(const SearchTask& task, const Level& l,
+                                                               std::uint32_t index, const Sphere& s) {
+  if constexpr (Kind == SlotKind::fixed_point)
+    return {fixed_point_of(l, split(l, s.x)), fixed_point_of(l, split(l, s.y)),
+            fixed_point_of(l, split(l, s.z)), static_cast<float>(mul(add(s.r, l.grown_by), l.units))};
+  else
+    return load_slot(slots_of<Kind>(task) + index);
+}
+
 // Which rows a lane's sphere reaches.
 template <SlotKind Kind>
 struct QueryRows {
@@ -66,11 +78,7 @@ __device__ __forceinline__ void find_rows(const SearchTask& task, const Grid& gr
   const float reach = search_radius(grid, pairs.bins, d.from, d.at, s.r);
   q.parts = parts_of(d, l, reach);
   if (part >= q.parts) return;
-  if constexpr (Kind == SlotKind::fixed_point)
-    q.slot = {fixed_point_of(l, split(l, s.x)), fixed_point_of(l, split(l, s.y)),
-              fixed_point_of(l, split(l, s.z)), static_cast<float>(mul(add(s.r, l.grown_by), l.units))};
-  else
-    q.slot = load_slot(slots_of<Kind>(task) + index);
+  q.slot = slot_at<Kind>(task, l, index, s);
   const FloatBins* const bins = pairs.bins.on ? pairs.bins.level + d.at : nullptr;
   const BinPosition x = bin_position(l, bins, 0, s.x), y = bin_position(l, bins, 1, s.y),
                     z = bin_position(l, bins, 2, s.z);
@@ -204,6 +212,20 @@ __device__ __forceinline__ void deal_candidates(const SearchTask& task, UnitQuer
   }
 }
 
+// Of the candidates of 64 rows, two a lane: long rows are left out, and where `defer` go to the list of
+// long_rows.h.
+template <SlotKind Kind>
+__device__ __noinline__ uint2 without_long_rows(const SearchTask& task, const UnitQueries<Kind>& queries,
+                                                uint2 begin, uint2 count, uint2 who, std::uint32_t at,
+                                                bool defer) {
+  if (!defer)
+    return {count.x > tuning::kLongRowOfUnit ? 0 : count.x, count.y > tuning::kLongRowOfUnit ? 0 : count.y};
+  return {defer_long_row(task, queries.index(who.x), begin.x, begin.x + count.x, tuning::kLongRowOfUnit, at) -
+              begin.x,
+          defer_long_row(task, queries.index(who.y), begin.y, begin.y + count.y, tuning::kLongRowOfUnit, at) -
+              begin.y};
+}
+
 __device__ __forceinline__ const LevelPair& pair_of_warp(const LevelPairs& pairs, std::uint32_t warp) {
   const std::uint32_t lane = threadIdx.x & 31;
   std::uint32_t upto = 0;
@@ -213,10 +235,11 @@ __device__ __forceinline__ const LevelPair& pair_of_warp(const LevelPairs& pairs
 }
 
 // Unit number `nth` of those of a warp: its candidates, 32 at a time, to take(valid, query, j, slot of j).
+// `first_pass`: of a unit that is searched several times the first puts long rows on their list.
 template <SlotKind Kind, class Take>
 __device__ __forceinline__ void search_rows(const SearchTask& task, const Grid& grid, const LevelPairs& pairs,
                                             UnitQueries<Kind>& queries, std::uint32_t warp, std::uint32_t nth,
-                                            Take take) {
+                                            bool first_pass, Take take) {
   const std::uint32_t lane = threadIdx.x & 31;
   RowWindow window{lane, ~0u >> (31 - lane), 0, 0, 0, 0, 0, false, false};
   const LevelPair& d = pair_of_warp(pairs, warp);
@@ -258,6 +281,7 @@ __device__ __forceinline__ void search_rows(const SearchTask& task, const Grid& 
                   static_cast<int>(0xffffffffu / mine.side + 1));
   }
   __syncwarp();
+  std::uint32_t taken = 0;  // candidates so far
 #pragma unroll 1
   for (std::uint32_t w = 0; w < window.items; w += 64) {
     std::uint32_t begin[2] = {}, count[2] = {}, who[2] = {};
@@ -267,6 +291,11 @@ __device__ __forceinline__ void search_rows(const SearchTask& task, const Grid& 
       find_span<Kind>(task, l, queries, window, w + 32 * h, begin[h], count[h], who[h]);
     }
     count[0] -= begin[0], count[1] -= begin[1];
+    if (task.defers && (taken += __reduce_add_sync(kFullWarp, count[0] + count[1])) > tuning::kLongUnit) {
+      const uint2 left = without_long_rows<Kind>(task, queries, {begin[0], begin[1]}, {count[0], count[1]},
+                                                 {who[0], who[1]}, d.at, first_pass);
+      count[0] = left.x, count[1] = left.y;
+    }
     deal_candidates<Kind>(task, queries, window, begin, count, who, take);
     if (w + 64 >= window.items && !window.second && __any_sync(kFullWarp, window.split))
       window.second = true, window.begun = 0, w = 0u - 64;

@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: MIT
+// Crowded spheres on the GPU: at one point, towards a cusp, on a plane, beside each other in bins that are
+// full. Rows of bins that are long are deferred (detect/cuda/search/long_rows.h). The contacts are those of
+// the processor, and a stable list is the same in each call, whatever the detector did before.
+#include <cstring>
+
+#include "tests/detect/oracle.h"
+
+namespace padder::detect {
+namespace {
+
+class LongRows : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!cuda_present()) GTEST_SKIP() << "no GPU";
+    random_ = random_of_new_seed();
+  }
+  double unit() { return std::uniform_real_distribution<double>(-1, 1)(random_); }
+  std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
+
+  // Some `crowds` of some hundred spheres each, among `n` others of radii 1 to `ratio`.
+  TestScene scene(std::uint32_t n, std::uint32_t crowds, double ratio) {
+    TestScene s;
+    const auto radius = [&] { return std::pow(ratio, std::pow(std::abs(unit()), 3)); };
+    const double wide = 1.6 * std::cbrt(n);
+    for (std::uint32_t k = 0; k < n; k++)
+      s.spheres.push_back({wide * unit(), wide * unit(), wide * unit(), radius()});
+    for (std::uint32_t c = 0; c < crowds; c++) {
+      const double at[3] = {wide * unit(), wide * unit(), wide * unit()}, r = radius();
+      const std::uint32_t kind = below(4), count = 60 + below(800);
+      for (std::uint32_t k = 0; k < count; k++) {
+        const double far = kind == 0 ? 0 : 3 * std::pow(std::abs(unit()), kind == 1 ? 3 : 1),
+                     h = 3.14159265 * unit(), z = unit(), flat = std::sqrt(1 - z * z);
+        s.spheres.push_back({at[0] + far * flat * std::cos(h), at[1] + far * flat * std::sin(h),
+                             at[2] + (kind == 2 ? 0 : far * z), kind == 3 ? radius() : r});
+      }
+    }
+    std::shuffle(s.spheres.begin(), s.spheres.end(), random_);
+    return s;
+  }
+
+  void expect_lists(TestScene s, Scalar scalar, const CallOptions& options) {
+    CallOptions any = options, stable = options, pairs = options;
+    any.order = Order::any, stable.order = Order::stable, pairs.width = Width::pairs;
+    Detector cpu({BackendKind::omp}, pairs), gpu_any({BackendKind::cuda}, any),
+        gpu_stable({BackendKind::cuda}, stable);
+    for (int scenes = 0; scenes < 2; scenes++) {
+      const TestScene given = scalar == Scalar::f32 ? s.rounded() : s;
+      const Arranged input(given, scalar);
+      const std::uint64_t count = cpu.detect(input.input).count;
+      std::vector<Pair> list;
+      for (int call = 0; call < 4; call++) {
+        ASSERT_EQ(gpu_any.detect(input.input).count, count) << "call " << call;
+        ASSERT_EQ(gpu_any.hash(), cpu.hash()) << "call " << call;
+        Detector fresh({BackendKind::cuda}, stable);
+        Detector& d = call == 1 ? fresh : gpu_stable;
+        const Contacts& c = d.detect(input.input);
+        ASSERT_EQ(c.count, count) << "call " << call;
+        ASSERT_EQ(d.hash(), cpu.hash()) << "call " << call;
+        if (call == 0) list.assign(c.pairs, c.pairs + c.count);
+        ASSERT_EQ(std::memcmp(c.pairs, list.data(), c.count * sizeof(Pair)), 0) << "call " << call;
+      }
+      // Other spheres: more crowds than before, and then none.
+      s = scene(static_cast<std::uint32_t>(s.spheres.size()), scenes ? 0 : 12, 2);
+    }
+  }
+
+  std::mt19937_64 random_;
+};
+
+TEST_F(LongRows, BruteForce) {
+  for (int k = 0; k < 6; k++) {
+    const TestScene s = scene(500 + below(1500), 1 + below(3), k % 2 ? 20 : 1);
+    for (const Order order : {Order::any, Order::stable}) {
+      CallOptions o;
+      o.order = order;
+      Detector d({BackendKind::cuda}, o);
+      const Arranged input(s, Scalar::f64);
+      const std::vector<Pair> expected = brute_force(s);
+      for (int call = 0; call < 3; call++) {
+        const Contacts& c = d.detect(input.input);
+        ASSERT_EQ(sorted({c.pairs, c.count}), expected) << "call " << call;
+      }
+    }
+  }
+}
+
+TEST_F(LongRows, FewSpheres) {
+  for (const Scalar scalar : {Scalar::f32, Scalar::f64})
+    for (const double ratio : {1.0, 3.0, 50.0}) expect_lists(scene(20'000, 4, ratio), scalar, {});
+}
+TEST_F(LongRows, LargeScenes) {
+  for (const Scalar scalar : {Scalar::f32, Scalar::f64})
+    for (const double ratio : {1.0, 50.0}) expect_lists(scene(310'000, 6, ratio), scalar, {});
+}
+TEST_F(LongRows, FiltersARegionAndAMargin) {
+  for (const double ratio : {1.0, 30.0}) {
+    TestScene s = scene(20'000, 4, ratio);
+    CallOptions o;
+    o.margin = 0.1;
+    expect_lists(s, Scalar::f32, o);
+    o = {};
+    o.own = {{-20, -10, -30}, {30, 40, 3}};
+    expect_lists(s, Scalar::f64, o);
+    for (std::size_t k = 0; k < s.spheres.size(); k++) s.family.push_back(below(4));
+    expect_lists(s, Scalar::f32, {});
+  }
+}
+// Doubles far from the origin go to the slots of fixed point.
+TEST_F(LongRows, FixedPoint) {
+  for (const double ratio : {1.0, 30.0}) {
+    TestScene s = scene(20'000, 4, ratio);
+    for (Sphere& p : s.spheres) p.x += 1e7, p.z -= 3e6;
+    expect_lists(s, Scalar::f64, {});
+  }
+}
+// One sphere that reaches all others, and a cusp of so many that all rows about it are long.
+TEST_F(LongRows, AGiantAndACusp) {
+  TestScene s;
+  for (int k = 0; k < 8000; k++) {
+    const double far = 40 * std::pow(std::abs(unit()), 2), h = 3.14159265 * unit(), z = unit(),
+                 flat = std::sqrt(1 - z * z);
+    s.spheres.push_back(
+        {far * flat * std::cos(h), far * flat * std::sin(h), far * z, 0.25 + 0.2 * std::abs(unit())});
+  }
+  s.spheres.push_back({5, 5, 5, 80});
+  expect_lists(s, Scalar::f32, {});
+  expect_lists(s, Scalar::f64, {});
+}
+
+// A list of the parts of these rows would be longer than kMostRowParts.
+TEST_F(LongRows, AllInOneBin) {
+  TestScene s = scene(75'000, 1, 1);
+  const Arranged input(s, Scalar::f32);
+  Detector cpu({BackendKind::omp}, {});
+  const std::uint64_t count = cpu.detect(input.input).count;
+  CallOptions o;
+  o.bin_size = 1000;
+  Detector d({BackendKind::cuda}, o);
+  for (const Order order : {Order::any, Order::stable})
+    for (int call = 0; call < 2; call++) {
+      d.options().order = order;
+      ASSERT_EQ(d.detect(input.input).count, count) << "call " << call;
+      ASSERT_EQ(d.hash(), cpu.hash()) << "call " << call;
+    }
+}
+
+}  // namespace
+}  // namespace padder::detect
