@@ -340,11 +340,16 @@ Spheres cauchy(std::uint64_t n, SplitMix64& random) {
 // One in 100 stands in crowds, of 1,000 at a point each.
 Spheres crowds(std::uint64_t n, SplitMix64& random) {
   Spheres s = dense(n, random);
-  const std::size_t crowds = std::max<std::size_t>(s.size() / 100'000, 1), apart = s.size() / crowds;
-  for (std::size_t k = 0; k < s.size() / 100; k++) s[100 * k] = s[k % crowds * apart + 1];
+  const std::size_t points = std::max<std::size_t>(s.size() / 100'000, 1), apart = s.size() / points;
+  for (std::size_t k = 0; k < s.size() / 100; k++) s[100 * k] = s[k % points * apart + 1];
   return s;
 }
-// About a point, as many at each distance, so that their density goes by 1 / distance^2. A thousand reach it.
+// By a power law, up to `most`.
+double radius_up_to(double most, SplitMix64& random) {
+  return std::min(most, std::pow(1 - random.unit(), -1 / 2.4));
+}
+// About a point, as many at each distance, so that their density goes by 1 / distance^2. Of radius 1, 500
+// hold that point.
 template <class Radius>
 Spheres about_a_point(std::uint64_t n, SplitMix64& random, const Radius& radius) {
   return all_of(n, [&](std::uint64_t) {
@@ -357,7 +362,7 @@ Spheres cusp(std::uint64_t n, SplitMix64& random) {
   return about_a_point(n, random, [] { return 1; });
 }
 Spheres cusp_poly(std::uint64_t n, SplitMix64& random) {
-  return about_a_point(n, random, [&] { return std::min(10.0, std::pow(1 - random.unit(), -1 / 2.4)); });
+  return about_a_point(n, random, [&] { return radius_up_to(10, random); });
 }
 // Over a square that has so much area for each sphere; sphere k is sphere(k, x, y).
 template <class OneSphere>
@@ -376,7 +381,7 @@ Spheres two_layers(std::uint64_t n, SplitMix64& random) {
 // Radii by a power law, 1 to 100, in a plane.
 Spheres poly_layer(std::uint64_t n, SplitMix64& random) {
   return over_square(n, 60, random, [&](std::uint64_t, double x, double y) {
-    return at(x, y, 0, std::min(100.0, std::pow(1 - random.unit(), -1 / 2.4)));
+    return at(x, y, 0, radius_up_to(100, random));
   });
 }
 

@@ -305,7 +305,7 @@ struct SphereSearch::Steps {
         s.method_ = OrderMethod::sort;
       }
     } else if (search.defers && found.long_rows > tuning::kMostRowParts) {
-      search.defers = false, search.long_rows = 0;
+      search.defers = false, search.long_rows = 0;  // for this call alone: the list must not depend on others
     } else if (found.long_rows > search.long_rows) {
       // The contacts of long rows are not counted yet. In motion their number changes.
       search.long_rows = s.long_rows_ = found.long_rows + found.long_rows / 2 + 256;

@@ -8,7 +8,7 @@
 namespace padder::detect::cuda {
 
 // Work space of the search. The caller makes `spill` longer when Counters::spilled says so, and searches
-// again.
+// again. `long_rows` and `scratch` are those of long_rows.cu.
 struct SearchMemory {
   explicit SearchMemory(MemoryBook& book)
       : sums(book, "the order of the list"),

@@ -31,11 +31,11 @@ __device__ __noinline__ bool test_part(const SearchTask& task, std::uint32_t i,
   return test<Kind>(task, i, a, j, load_slot(slots_of<Kind>(task) + j), counts);
 }
 
-// Contacts of a part: take(j, hit), for 32 candidates at a time; taken() after some of these. `counts`: are
-// doubtful pairs to be counted?
-template <SlotKind Kind, class Take, class Taken>
+// Tests the candidates of a part. take(j, hit) gets one for each lane; after each kStep candidates, done() is
+// called. `counts`: are doubtful pairs to be counted?
+template <SlotKind Kind, class Take, class Done>
 __device__ __forceinline__ void search_part(const SearchTask& task, const Grid& grid, const RowPart& part,
-                                            bool counts, Take take, Taken taken) {
+                                            bool counts, Take take, Done done) {
   constexpr int kAtOnce = PartQueue::kAtOnce;
   const auto* const slots = slots_of<Kind>(task);
   auto a = load_slot(slots + part.i);
@@ -62,7 +62,7 @@ __device__ __forceinline__ void search_part(const SearchTask& task, const Grid& 
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) take(part.begin + k + 32 * u, hit[u]);
-    taken();
+    done();
   }
 }
 

@@ -2,7 +2,8 @@
 // Rows of bins that are too long for the warp that comes upon them. Where spheres are crowded, at one point
 // or towards a cusp, a few warps would have most of the work, and the others would have ended. So a warp puts
 // such a row on a list, in parts, and kernels behind the search deal these out to all warps (long_rows.cu).
-// Which rows are long follows from their length alone. Only .cu files include this.
+// Which rows are long follows from the spheres alone, not from which warp comes first. Only .cu files include
+// this.
 #pragma once
 #include "detect/cuda/device/ptx.h"
 #include "detect/cuda/device/warp.h"
@@ -27,9 +28,10 @@ __device__ __forceinline__ RowPart load_part(const LongRows& rows, Word number) 
           static_cast<std::uint32_t>(value), static_cast<std::uint32_t>(value >> 32)};
 }
 
-// For all lanes of a warp: candidates `begin` to `end` - 1 of sphere `i` (indices of the order), one row a
-// lane, go to the list if they are more than `most`. Returns the end of what is left to the lane. Where there
-// is no room the parts are counted: the caller makes room and searches again. Where task.defers alone.
+// For all lanes of a warp, one row a lane: candidates `begin` to `end` - 1 of sphere `i` (indices of the
+// order) go to the list if they are more than `most`. Returns the end of what is left to the lane. A row goes
+// there once: who searches it again leaves it out. Where there is no room the parts are counted alone, and
+// the caller of the search makes room and searches again. Only where task.defers.
 __device__ __forceinline__ std::uint32_t defer_long_row(const SearchTask& task, std::uint32_t i,
                                                         std::uint32_t begin, std::uint32_t end,
                                                         std::uint32_t most,

@@ -212,18 +212,16 @@ __device__ __forceinline__ void deal_candidates(const SearchTask& task, UnitQuer
   }
 }
 
-// Of the candidates of 64 rows, two a lane: long rows are left out, and where `defer` go to the list of
-// long_rows.h.
+// How many candidates are left of each of 64 rows, two a lane, without long rows. The first time these go to
+// the list of long_rows.h.
 template <SlotKind Kind>
 __device__ __noinline__ uint2 without_long_rows(const SearchTask& task, const UnitQueries<Kind>& queries,
                                                 uint2 begin, uint2 count, uint2 who, std::uint32_t at,
-                                                bool defer) {
-  if (!defer)
-    return {count.x > tuning::kLongRowOfUnit ? 0 : count.x, count.y > tuning::kLongRowOfUnit ? 0 : count.y};
-  return {defer_long_row(task, queries.index(who.x), begin.x, begin.x + count.x, tuning::kLongRowOfUnit, at) -
-              begin.x,
-          defer_long_row(task, queries.index(who.y), begin.y, begin.y + count.y, tuning::kLongRowOfUnit, at) -
-              begin.y};
+                                                bool first_pass) {
+  constexpr std::uint32_t most = tuning::kLongRowOfUnit;
+  if (!first_pass) return {count.x > most ? 0 : count.x, count.y > most ? 0 : count.y};
+  return {defer_long_row(task, queries.index(who.x), begin.x, begin.x + count.x, most, at) - begin.x,
+          defer_long_row(task, queries.index(who.y), begin.y, begin.y + count.y, most, at) - begin.y};
 }
 
 __device__ __forceinline__ const LevelPair& pair_of_warp(const LevelPairs& pairs, std::uint32_t warp) {

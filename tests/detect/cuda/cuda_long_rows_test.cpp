@@ -18,6 +18,12 @@ class LongRows : public testing::Test {
   double unit() { return std::uniform_real_distribution<double>(-1, 1)(random_); }
   std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
 
+  // Of this radius, `far` from a point; on a disc about it where `flat`.
+  Sphere about(const double (&at)[3], double far, bool flat, double radius) {
+    const double turn = 3.14159265 * unit(), z = unit(), across = far * std::sqrt(1 - z * z);
+    return {at[0] + across * std::cos(turn), at[1] + across * std::sin(turn), at[2] + (flat ? 0 : far * z),
+            radius};
+  }
   // Some `crowds` of some hundred spheres each, among `n` others of radii 1 to `ratio`.
   TestScene scene(std::uint32_t n, std::uint32_t crowds, double ratio) {
     TestScene s;
@@ -29,10 +35,8 @@ class LongRows : public testing::Test {
       const double at[3] = {wide * unit(), wide * unit(), wide * unit()}, r = radius();
       const std::uint32_t kind = below(4), count = 60 + below(800);
       for (std::uint32_t k = 0; k < count; k++) {
-        const double far = kind == 0 ? 0 : 3 * std::pow(std::abs(unit()), kind == 1 ? 3 : 1),
-                     h = 3.14159265 * unit(), z = unit(), flat = std::sqrt(1 - z * z);
-        s.spheres.push_back({at[0] + far * flat * std::cos(h), at[1] + far * flat * std::sin(h),
-                             at[2] + (kind == 2 ? 0 : far * z), kind == 3 ? radius() : r});
+        const double far = kind == 0 ? 0 : 3 * std::pow(std::abs(unit()), kind == 1 ? 3 : 1);
+        s.spheres.push_back(about(at, far, kind == 2, kind == 3 ? radius() : r));
       }
     }
     std::shuffle(s.spheres.begin(), s.spheres.end(), random_);
@@ -44,7 +48,10 @@ class LongRows : public testing::Test {
     any.order = Order::any, stable.order = Order::stable, pairs.width = Width::pairs;
     Detector cpu({BackendKind::omp}, pairs), gpu_any({BackendKind::cuda}, any),
         gpu_stable({BackendKind::cuda}, stable);
-    for (int scenes = 0; scenes < 2; scenes++) {
+    const auto n = static_cast<std::uint32_t>(s.spheres.size());
+    for (int scenes = 0; scenes < 3; scenes++) {
+      if (scenes > 0)  // as many other spheres: first with more crowds, then with none
+        s = scene(n, scenes == 1 ? 12 : 0, 2), s.spheres.resize(n);
       const TestScene given = scalar == Scalar::f32 ? s.rounded() : s;
       const Arranged input(given, scalar);
       const std::uint64_t count = cpu.detect(input.input).count;
@@ -60,8 +67,6 @@ class LongRows : public testing::Test {
         if (call == 0) list.assign(c.pairs, c.pairs + c.count);
         ASSERT_EQ(std::memcmp(c.pairs, list.data(), c.count * sizeof(Pair)), 0) << "call " << call;
       }
-      // Other spheres: more crowds than before, and then none.
-      s = scene(static_cast<std::uint32_t>(s.spheres.size()), scenes ? 0 : 12, 2);
     }
   }
 
@@ -118,10 +123,8 @@ TEST_F(LongRows, FixedPoint) {
 TEST_F(LongRows, AGiantAndACusp) {
   TestScene s;
   for (int k = 0; k < 8000; k++) {
-    const double far = 40 * std::pow(std::abs(unit()), 2), h = 3.14159265 * unit(), z = unit(),
-                 flat = std::sqrt(1 - z * z);
-    s.spheres.push_back(
-        {far * flat * std::cos(h), far * flat * std::sin(h), far * z, 0.25 + 0.2 * std::abs(unit())});
+    const double far = 40 * std::pow(std::abs(unit()), 2), radius = 0.25 + 0.2 * std::abs(unit());
+    s.spheres.push_back(about({0, 0, 0}, far, false, radius));
   }
   s.spheres.push_back({5, 5, 5, 80});
   expect_lists(s, Scalar::f32, {});

@@ -285,10 +285,6 @@ TEST_P(SettleTest, APileComesToRestAndItsEnergyOnlyFalls) {
   EXPECT_GT(stepper.contacts(), 216u);
 }
 
-// Grains are poured on a disc of grains that are held, and what is too much falls over its edge. What stays
-// lies at the angle of repose. Spheres with friction 0.5 and little or no rolling resistance have 15 to 28
-// degrees (Zhou, Xu, Yu and Zulli, An experimental and numerical study of the angle of repose of coarse
-// spheres, Powder Technology 125, 2002).
 // A plate that falls flat meets the floor with all its spheres at once, and their dampers pull together.
 TEST_P(SettleTest, APlateThatFallsFlatComesToRest) {
   for (const int side : {3, 10, 24}) {
@@ -315,6 +311,10 @@ TEST_P(SettleTest, APlateThatFallsFlatComesToRest) {
   }
 }
 
+// Grains are poured on a disc of grains that are held, and what is too much falls over its edge. What stays
+// lies at the angle of repose. Spheres with friction 0.5 and little or no rolling resistance have 15 to 28
+// degrees (Zhou, Xu, Yu and Zulli, An experimental and numerical study of the angle of repose of coarse
+// spheres, Powder Technology 125, 2002).
 TEST_P(SettleTest, AHeapHasAnAngleOfReposeInThePublishedRange) {
   System s = empty_system(0.5, 0.3);
   s.law.stiffness = 1e4, s.law.tangential_stiffness = 2e4 / 7;
