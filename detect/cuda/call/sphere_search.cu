@@ -253,6 +253,10 @@ struct SphereSearch::Steps {
     if (s.rounded_ && s.summary_.first_fault != ~std::uint64_t(0)) return Trial::differs;
     s.set_growth(call.options);
     check(source, s.summary_, call);
+    // A list of rounded spheres has another order than one of doubles.
+    if (call.options.order == Order::stable && !s.rounded_ &&
+        may_round(source, s.summary_, call.options.margin))
+      return Trial::differs;
     // Where the last octave is populated, a survey by itself may tell sizes apart in another way
     // (Summary::above).
     if (s.summary_.octave[kOctaves - 1].count > 0) return Trial::differs;

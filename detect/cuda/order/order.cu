@@ -79,7 +79,8 @@ Ordered Orderer::order(const OrderRequest& r) {
   o.bins = float_bins(grid, r.kind, count);
   o.float_levels = level_bins(grid, r.kind).on;
   for (int k = 0; k < grid.levels; k++) o.hashed = o.hashed || grid.level[k].hashed;
-  o.merge = method == OrderMethod::sort ? 0 : merge_of(grid, o.bins, count);
+  // By any method, so that a stable list does not depend on it.
+  o.merge = merge_of(grid, o.bins, count);
   o.entries = (keys_of(grid, o.bins) >> o.merge) + 2;
   o.table = table_.reserve(o.entries + 4), o.slots = slots_.reserve(std::uint64_t(o.count) + kSlack);
   o.codes = codes_.reserve(std::uint64_t(o.count) + kSlack);

@@ -3,6 +3,8 @@
 // before. The answer is that of the OpenMP backend.
 #include <cuda_runtime_api.h>
 
+#include <utility>
+
 #include "detect/core/input.h"
 #include "tests/detect/oracle.h"
 #include "tests/detect/some_cases.h"
@@ -168,6 +170,27 @@ TEST_F(CudaTest, WhatWasDetectedBeforeDoesNotMatter) {
     const Contacts &a = d.detect(input_of(spheres)), &b = fresh.detect(input_of(spheres));
     ASSERT_EQ(a.count, b.count) << "step " << step;
     ASSERT_EQ(std::memcmp(a.pairs, b.pairs, a.count * sizeof(Pair)), 0) << "step " << step;
+  }
+}
+
+// So does one that has seen doubles which cannot be searched as floats: a sphere was too far away.
+TEST_F(CudaTest, DoublesThatWereFarAwayBeforeDoNotMatter) {
+  for (const char* name : {"dense", "poly100"}) {
+    std::vector<double> centers;
+    std::vector<double> radii;
+    for (const FloatSphere& s : generate(name, 20'000))
+      centers.insert(centers.end(), {s.x + 1e-9, s.y + 1e-9, s.z + 1e-9}), radii.push_back(s.r);
+    const Input input{.spheres = spheres_of(radii.size(), centers.data(), radii.data())};
+    Detector d({BackendKind::cuda}, gpu_), fresh({BackendKind::cuda}, gpu_);
+    const double near = std::exchange(centers[0], 1e9);
+    for (int call = 0; call < 2; call++) d.detect(input);
+    centers[0] = near;
+    const Contacts& b = fresh.detect(input);
+    for (int call = 0; call < 2; call++) {
+      const Contacts& a = d.detect(input);
+      ASSERT_EQ(a.count, b.count) << name << ", call " << call;
+      ASSERT_EQ(std::memcmp(a.pairs, b.pairs, a.count * sizeof(Pair)), 0) << name << ", call " << call;
+    }
   }
 }
 
