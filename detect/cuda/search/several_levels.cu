@@ -22,34 +22,12 @@ struct ContactQueue {
 // Tiles use the `index` of it as the words of a PairQueue.
 using UnitQueue = ContactQueue<tuning::kUnitQueue>;
 
-// A unit without the queue, for the few with more contacts than it holds: each candidate is tested as it
-// comes. With a range, emits the contacts as numbers `base` onwards of the producer; without, only counts
-// them.
-template <SlotKind Kind>
-__device__ __noinline__ std::uint32_t search_unit_unqueued(const SearchTask& task, const Grid& grid,
-                                                           const LevelPairs& pairs,
-                                                           UnitQueries<Kind>& queries, std::uint32_t warp,
-                                                           std::uint32_t nth, const OutputRange* range,
-                                                           std::uint32_t base) {
-  const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
-  std::uint32_t hits = 0;
-  search_rows<Kind>(task, grid, pairs, queries, warp, nth, false,
-                    [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
-                      const std::uint32_t i = queries.index(query);
-                      const bool hit = valid && test<Kind>(task, i, queries.slot[query], j, b, !range);
-                      const std::uint32_t has = __ballot_sync(kFullWarp, hit);
-                      if (hit && range) emit<Kind>(task, *range, base + hits + __popc(has & below), i, j);
-                      hits += __popc(has);
-                    });
-  return hits;
-}
-
 // Tests those of the queue one by one, where float is not sure of all or something beside the distance
-// counts. Contacts move together, in the same order.
+// counts. Contacts move together, in the same order. counts: are doubtful pairs to be counted?
 template <SlotKind Kind>
-__device__ __noinline__ std::uint32_t test_unit_exactly(const SearchTask& task, const Grid& grid,
-                                                        UnitQueue& queue, const UnitQueries<Kind>& queries,
-                                                        std::uint32_t count) {
+__device__ __noinline__ std::uint32_t test_unit_exactly(const SearchTask& task, UnitQueue& queue,
+                                                        const UnitQueries<Kind>& queries, std::uint32_t count,
+                                                        bool counts) {
   const auto* const slots = slots_of<Kind>(task);
   const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
   std::uint32_t hits = 0;
@@ -57,7 +35,7 @@ __device__ __noinline__ std::uint32_t test_unit_exactly(const SearchTask& task, 
   for (std::uint32_t from = 0; from < count; from += 32) {
     const std::uint32_t k = min(from + lane, count - 1), j = queue.index[k], query = queue.who[k];
     const bool hit = from + lane < count && test<Kind>(task, queries.index(query), queries.slot[query], j,
-                                                       load_slot(slots + j), true);
+                                                       load_slot(slots + j), counts);
     const std::uint32_t has = __ballot_sync(kFullWarp, hit), to = hits + __popc(has & below);
     __syncwarp();  // all have read what is written over
     if (hit) queue.index[to] = j, queue.who[to] = static_cast<unsigned char>(query);
@@ -67,7 +45,62 @@ __device__ __noinline__ std::uint32_t test_unit_exactly(const SearchTask& task, 
   return hits;
 }
 
-// The contacts of unit number `nth` of those of a warp, in the queue unless kQueueOverflow is set.
+// Emits what is in the queue, as numbers `before` onwards of the producer.
+template <SlotKind Kind>
+__device__ __forceinline__ void emit_unit_queue(const SearchTask& task, const UnitQueue& queue,
+                                                const UnitQueries<Kind>& queries, std::uint32_t count,
+                                                const OutputRange& range, std::uint32_t before) {
+  emit_by_warp<Kind>(task, range, count, before, [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
+    i = queries.index(queue.who[k]), j = queue.index[k];
+  });
+}
+
+// For units with more contacts than their queue holds: whenever it is full, its pairs are tested, and it
+// begins anew. In any order the contacts are written at once; the result is 0. In a stable order they are
+// counted without a range, and emitted with one, as numbers `before` onwards of the producer.
+template <SlotKind Kind>
+__device__ __noinline__ std::uint32_t search_unit_in_parts(const SearchTask& task, const Grid& grid,
+                                                           const LevelPairs& pairs, UnitQueue& queue,
+                                                           UnitQueries<Kind>& queries, std::uint32_t warp,
+                                                           std::uint32_t nth, const OutputRange* range,
+                                                           std::uint32_t before) {
+  const std::uint32_t below = (1u << (threadIdx.x & 31)) - 1;
+  bool doubt = task.test_all;
+  std::uint32_t waiting = 0, found = 0;
+  const auto take_waiting = [&] {
+    __syncwarp();
+    const std::uint32_t hits = __any_sync(kFullWarp, doubt)
+                                   ? test_unit_exactly<Kind>(task, queue, queries, waiting, !range)
+                                   : waiting;
+    if (range) {
+      for (std::uint32_t k = threadIdx.x & 31; k < hits; k += 32)
+        emit<Kind>(task, *range, before + found + k, queries.index(queue.who[k]), queue.index[k]);
+    } else if (!task.stable_order) {
+      const OutputRange to = reserve_for_warp(task, hits);
+      // Beyond the capacity they are counted alone, and the caller searches again.
+      if (to.slot + hits <= task.output.capacity) emit_unit_queue<Kind>(task, queue, queries, hits, to, 0);
+    }
+    __syncwarp();
+    found += hits, waiting = 0, doubt = task.test_all;
+  };
+  search_rows<Kind>(task, grid, pairs, queries, warp, nth, false,
+                    [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
+                      bool sure;
+                      const bool hit =
+                          float_test<Kind>(task, queries.slot[query], b, task.rounded, sure) && valid;
+                      const std::uint32_t has = __ballot_sync(kFullWarp, hit);
+                      if (waiting + __popc(has) > UnitQueue::kCapacity) take_waiting();
+                      doubt = doubt || (hit && !sure);
+                      const std::uint32_t to = waiting + __popc(has & below);
+                      if (hit) queue.index[to] = j, queue.who[to] = static_cast<unsigned char>(query);
+                      waiting += __popc(has);
+                    });
+  if (waiting) take_waiting();
+  return task.stable_order ? found : 0;
+}
+
+// The contacts of unit number `nth` of those of a warp, in the queue unless kQueueOverflow is set. Contacts
+// that are written already are not counted.
 template <SlotKind Kind>
 __device__ __forceinline__ std::uint32_t search_unit(const SearchTask& task, const Grid& grid,
                                                      const LevelPairs& pairs, UnitQueue& queue,
@@ -89,8 +122,9 @@ __device__ __forceinline__ std::uint32_t search_unit(const SearchTask& task, con
       });
   __syncwarp();
   if (hits > UnitQueue::kCapacity)
-    return search_unit_unqueued<Kind>(task, grid, pairs, queries, warp, nth, nullptr, 0) | kQueueOverflow;
-  if (__any_sync(kFullWarp, doubt)) hits = test_unit_exactly<Kind>(task, grid, queue, queries, hits);
+    return search_unit_in_parts<Kind>(task, grid, pairs, queue, queries, warp, nth, nullptr, 0) |
+           (task.stable_order ? kQueueOverflow : 0);
+  if (__any_sync(kFullWarp, doubt)) hits = test_unit_exactly<Kind>(task, queue, queries, hits, true);
   return hits;
 }
 
@@ -104,7 +138,7 @@ __device__ __forceinline__ void emit_unit(const SearchTask& task, const Grid& gr
   if (slot + here > task.output.capacity) {
     // The contacts are counted: the caller makes the list longer and searches again.
   } else if (found & kQueueOverflow) {
-    search_unit_unqueued<Kind>(task, grid, pairs, queries, warp, nth, &queries.range, 0);
+    search_unit_in_parts<Kind>(task, grid, pairs, queue, queries, warp, nth, &queries.range, 0);
   } else {
     for (std::uint32_t k = lane; k < here; k += 32)
       write_record<Kind>(task, queries.index(queue.who[k]), queue.index[k], slot + k);
@@ -179,13 +213,10 @@ struct SeveralLevels {
       emit_same_level<Kind>(task, grid, pairs, queue, (number * kTileWarps + warp) * 32, found, range,
                             before);
     else if (found & kQueueOverflow)
-      search_unit_unqueued<Kind>(task, grid, pairs, queries, (number - task.tiles) * kTileWarps + warp, 0,
-                                 &range, before);
+      search_unit_in_parts<Kind>(task, grid, pairs, queue, queries, (number - task.tiles) * kTileWarps + warp,
+                                 0, &range, before);
     else
-      emit_by_warp<Kind>(task, range, found, before,
-                         [&](std::uint32_t k, std::uint32_t& i, std::uint32_t& j) {
-                           i = queries.index(queue.who[k]), j = queue.index[k];
-                         });
+      emit_unit_queue<Kind>(task, queue, queries, found, range, before);
   }
 };
 
