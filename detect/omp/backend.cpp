@@ -174,6 +174,7 @@ Summary summarize(const View<T>& spheres, int threads) {
   // enough for choosing bins.
   for (const Summary::Octave& o : s.octave)
     s.radius_sum += 0.75 * o.radius_max * static_cast<double>(o.count);
+  s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
   return s;
 }
 template Summary summarize(const View<float>&, int);

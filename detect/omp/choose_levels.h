@@ -11,56 +11,8 @@
 
 namespace padder::detect::omp {
 
-// The summary with the box of each octave shrunk about its middle. `shrink` is a factor for each octave.
-inline Summary shrunk(const Summary& given, const double* shrink) {
-  Summary s = given;
-  for (int o = 0; o < kOctaves; o++)
-    for (int k = 0; k < 3 && shrink[o] < 1 && s.octave[o].count > 0; k++) {
-      const double middle = s.octave[o].low[k] / 2 + s.octave[o].high[k] / 2;
-      s.octave[o].low[k] += (middle - s.octave[o].low[k]) * (1 - shrink[o]);
-      s.octave[o].high[k] += (middle - s.octave[o].high[k]) * (1 - shrink[o]);
-    }
-  return s;
-}
-
-// The grid for spheres that crowd together in boxes that are smaller than their bounds, by the factors
-// `shrink` along each axis. choose_grid() takes the spheres of an octave for evenly spread over its bounds. A
-// level whose spheres lie outside the smaller bounds becomes periodic.
-inline Grid choose_levels(const Summary& given, double bin_size, const double* shrink) {
-  const Summary s = with_octaves(given);
-  Grid g = choose_grid(shrunk(s, shrink), bin_size, 8, CrossSearch::cheaper);
-  for (int o = 0; o < kOctaves; o++) {
-    if (s.octave[o].count == 0 || shrink[o] == 1) continue;
-    Level& l = g.level[g.levels == 1 ? 0 : g.level_of_octave[o]];
-    bool inside = true;
-    for (int k = 0; k < 3; k++)
-      inside &= split(l, s.octave[o].low[k]).bin >= l.first[k] &&
-                split(l, s.octave[o].high[k]).bin < l.first[k] + static_cast<std::int64_t>(l.count[k]);
-    if (inside || l.hashed) continue;
-    l.hashed = 1;
-    l.ring = l.buckets = static_cast<std::uint32_t>(
-        std::bit_ceil(std::clamp<std::uint64_t>(2 * l.spheres, kLeastRing, 1u << 28)));
-  }
-  return with_rings(g);
-}
-
-// Are spheres of different sizes so crowded on some level that other levels would serve them better? Then it
-// makes the factors of their octaves smaller. `seen` is, for each level, the mean number of spheres in the
-// bucket of a sphere.
-inline bool shrink_crowded(const Summary& given, const Grid& g, const double* seen, double* shrink) {
-  constexpr double kCrowded = 40;
-  if (!given.octaves_known) return false;
-  bool any = false;
-  for (int level = 0; level < g.levels; level++) {
-    const Level& l = g.level[level];
-    double expected = static_cast<double>(l.spheres);
-    for (int k = 0; k < 3; k++) expected /= l.count[k];
-    if (l.spheres == 0 || seen[level] < kCrowded || seen[level] < 4 * expected) continue;
-    for (int o = 0; o < kOctaves; o++)
-      if (given.octave[o].count > 0 && (g.levels == 1 || g.level_of_octave[o] == level))
-        shrink[o] *= std::cbrt(expected / seen[level]), any = true;
-  }
-  return any;
+inline Grid choose_levels(const Summary& summary, double bin_size) {
+  return with_rings(choose_grid(summary, bin_size, 8, CrossSearch::cheaper));
 }
 
 // Of some spheres of a level, the pairs that share a bucket although they lie in different bins.

@@ -201,22 +201,6 @@ void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Secon
   seconds.stage[3] += watch.lap();
 }
 
-const double* GridPath::crowding(const Grid& grid, int threads, double* seen) const {
-  for (int k = 0; k < grid.levels; k++) {
-    const Level& l = grid.level[k];
-    const std::uint32_t* const starts = starts_.data() + l.offset;
-    std::uint64_t sum = 0;
-#pragma omp parallel for schedule(static) num_threads(threads) reduction(+ : sum)
-    for (std::int64_t b = 0; b < static_cast<std::int64_t>(l.buckets); b++) {
-      const std::uint64_t in = starts[b + 1] - starts[b];
-      sum += in * in;
-    }
-    const std::uint32_t all = starts[l.buckets] - starts[0];
-    seen[k] = all > 0 ? static_cast<double>(sum) / all : 0;
-  }
-  return seen;
-}
-
 template <class Slot>
 std::uint64_t GridPath::search_and_write(const Grid& grid, const CallOptions& options, bool filtered,
                                          int threads, Records& records, Seconds& seconds) {
@@ -236,27 +220,10 @@ std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, cons
                             int threads, Records& records, Seconds& seconds) {
   const bool floats =
       sizeof(T) == sizeof(float) && float_range(summary.extent, summary.radius_max + summary.grown_by);
-  double shrink[kOctaves];
-  std::fill_n(shrink, kOctaves, 1.0);
-  Grid grid = choose_levels(summary, options.bin_size, shrink);
+  Grid grid = choose_levels(summary, options.bin_size);
   spread_planes(spheres, grid);
-  const auto order = [&] {
-    floats ? sort<FloatSlot>(spheres, grid, threads, seconds)
-           : sort<FixedPointSlot>(spheres, grid, threads, seconds);
-  };
-  order();
-  // What was expected of the levels is now known. Where the spheres lie otherwise, others are tried.
-  for (int attempt = 0; attempt < 3; attempt++) {
-    double seen[kMaxLevels];
-    if (!summary.octaves_known || !shrink_crowded(summary, grid, crowding(grid, threads, seen), shrink))
-      break;
-    const Grid other = choose_levels(summary, options.bin_size, shrink);
-    const bool same =
-        std::equal(std::begin(other.level_of_octave), std::end(other.level_of_octave), grid.level_of_octave);
-    if (same) break;
-    grid = other;
-    order();
-  }
+  floats ? sort<FloatSlot>(spheres, grid, threads, seconds)
+         : sort<FixedPointSlot>(spheres, grid, threads, seconds);
   return floats
              ? search_and_write<FloatSlot>(grid, options, spheres.filtered(), threads, records, seconds)
              : search_and_write<FixedPointSlot>(grid, options, spheres.filtered(), threads, records, seconds);

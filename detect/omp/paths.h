@@ -227,8 +227,6 @@ class GridPath {
                     Records& records, Seconds& seconds);  // returns the number of doubtful pairs
 
  private:
-  // For each level the mean number of spheres in the bucket of a sphere, into `seen`, which it returns.
-  const double* crowding(const Grid& grid, int threads, double* seen) const;
   template <class Slot>
   std::uint64_t search_and_write(const Grid& grid, const CallOptions& options, bool filtered, int threads,
                                  Records& records, Seconds& seconds);

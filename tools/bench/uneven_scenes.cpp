@@ -91,6 +91,16 @@ Spheres fallen_poly100(std::uint64_t n, SplitMix64& random) {
   return s;
 }
 
+// Half in a heap of radius 1; a quarter of radius 1 and a quarter of radius 100, both spread widely.
+Spheres heap_poly(std::uint64_t n, SplitMix64& random) {
+  const double heap = std::cbrt(11.5 * count_of(n) / 2), wide = 300 * std::cbrt(count_of(n));
+  return all_of(n, [&](std::uint64_t k) {
+    const double edge = k % 4 < 2 ? heap : wide, x = edge * (random.unit() - 0.5),
+                 y = edge * (random.unit() - 0.5), z = edge * (random.unit() - 0.5);
+    return at(x, y, z, k % 4 == 3 ? 100 : 1);
+  });
+}
+
 // Half in a Gaussian clump, half spread 12 times as far.
 Spheres clump(std::uint64_t n, SplitMix64& random) {
   const double sigma = std::cbrt(0.0525 * count_of(n));
@@ -417,6 +427,8 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"poly100", "radii 1 to 100", 2.2, poly100},
       {"escaped_poly", "poly100, one in 1,000 thrown up to 100 edges away", 2.2, escaped_poly100},
       {"one_far_poly", "poly100, a single sphere at 3e6", 2.2, one_far_poly100},
+      {"heap_poly", "a heap of radius 1 among spheres of radii 1 and 100, spread widely", 2.2, heap_poly,
+       true},
       {"ground_poly", "poly100 on one sphere of radius 1e6", 3, ground_poly100, true},
       {"fallen_poly", "poly100, one in 100 fallen as far as 1e6", 2.2, fallen_poly100},
       {"lognormal", "log-normal radii, sigma 0.5", 2.2, lognormal},

@@ -108,6 +108,9 @@ void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& c
     const Summary of_floats = tools_.surveyor.survey(floats, call.processors, call.stream);
     if (may_round(source, of_floats, call.options.margin)) summary_ = of_floats, rounded_ = true;
   }
+  DeviceSpheres searched = source;
+  searched.rounded = rounded_;
+  summary_.near = tools_.surveyor.neighbourhood(searched, summary_, call.stream);
   set_growth(call.options);
 }
 
@@ -128,6 +131,8 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
                : summary.radius_min == summary.radius_max ? SlotKind::equal
                                                           : SlotKind::unequal;
   plan_.octaves = needs_octaves(summary), plan_.top = exponent_of(summary.need_max);
+  // The levels of a stable order follow from the spheres of this very call.
+  plan_.groups = call.options.order == Order::stable && summary.near ? summary.near->groups : SizeGroups{};
   plan_.processors = call.processors;
 }
 
@@ -166,6 +171,7 @@ void SphereSearch::expect_report(const Plan& plan, Tools& tools) {
     tools.surveyor.read(plan.searched(), plan.octaves, plan.along(), tools.report);
   else
     tools.surveyor.read_head(tools.report);
+  if (plan.probes()) tools.surveyor.read_probes(plan.groups, tools.report);
   tools.report.expect();
 }
 
@@ -173,6 +179,7 @@ void SphereSearch::expect_report(const Plan& plan, Tools& tools) {
 void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock) {
   static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
   auto* const counters = reinterpret_cast<Counters*>(tools.surveyor.head());
+  if (plan.probes()) tools.surveyor.probe(plan.searched(), plan.groups, stream);
   Ordered spheres;
   {
     const ProfileRange range("padder: order (stages 1 to 6)");
@@ -246,9 +253,11 @@ struct SphereSearch::Steps {
     if (s.found_.flags == kOutgrown) s.pass(call, true);
     const SlotKind kind = s.plan_.kind;
     const SearchOptions searched = s.plan_.search;
+    const bool probed = s.plan_.probes();
     if (!s.tools_.surveyor.finish(s.plan_.searched(), s.plan_.octaves, s.plan_.top, s.plan_.along(),
                                   s.summary_))
       return Trial::differs;
+    s.summary_.near = s.plan_.probes() ? s.tools_.surveyor.probed(s.plan_.groups) : previous.near;
     // A sphere that no float can hold need not be faulty.
     if (s.rounded_ && s.summary_.first_fault != ~std::uint64_t(0)) return Trial::differs;
     s.set_growth(call.options);
@@ -262,14 +271,18 @@ struct SphereSearch::Steps {
     if (s.summary_.octave[kOctaves - 1].count > 0) return Trial::differs;
     const Grid tried = s.grid_;
     const bool good = s.still_good(call, previous) && !s.found_.flags;
+    const auto same_groups = [&] {
+      const Summary& now = s.summary_;
+      return now.octaves_known ? now.near && now.near->groups == size_groups(now) : !now.near;
+    };
     // What follows in this call goes by the grid that was tried.
     const Grid next = std::exchange(s.grid_, tried);
     s.make_plan(source, call, s.summary_);
     s.grid_ = next;
-    if (good && kind == s.plan_.kind && searched == s.plan_.search &&
+    if (good && (!probed || same_groups()) && kind == s.plan_.kind && searched == s.plan_.search &&
         (kind != SlotKind::equal || s.summary_.radius_max == previous.radius_max))
       return Trial::fits;
-    surveyed = !(s.found_.flags & kCrowded) && searched.rounded == s.plan_.search.rounded;
+    surveyed = same_groups() && !(s.found_.flags & kCrowded) && searched.rounded == s.plan_.search.rounded;
     return Trial::differs;
   }
 

@@ -33,12 +33,14 @@ class SphereSearch {
     int crowding = 0;
     bool octaves = false, with_survey = false;
     int top = 0, processors = 1;
+    SizeGroups groups;        // with_survey: probed along, unless there are none
     std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
     std::uint64_t kept = 0;   // Orderer::kept(), where the previous call's buckets are to be tried
     friend bool operator==(const Plan&, const Plan&) = default;
 
     // The bounds are gathered by the kernels that put the spheres in order.
     bool along() const { return with_survey && Surveyor::rides_along(searched()); }
+    bool probes() const { return with_survey && groups.count > 0; }
     // What is put in order and searched; decisions and records go by `source`.
     DeviceSpheres searched() const {
       DeviceSpheres s = source;

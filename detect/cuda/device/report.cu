@@ -23,7 +23,12 @@ __global__ void __launch_bounds__(kThreads) report_kernel(const __grid_constant_
 
 void Report::add(const void* device, void* pinned, std::uint64_t bytes) {
   parts_.part[parts_.count++] = {static_cast<const Word*>(device), static_cast<Word*>(pinned),
-                                 static_cast<std::uint32_t>(bytes / sizeof(Word))};
+                                 static_cast<std::uint32_t>(bytes / sizeof(Word)), nullptr};
+}
+
+void Report::add_and_clear(void* device, void* pinned, std::uint64_t bytes) {
+  add(device, pinned, bytes);
+  parts_.part[parts_.count - 1].cleared = static_cast<Word*>(device);
 }
 
 void Report::expect() const {

@@ -13,6 +13,8 @@ class Report {
   void clear() { parts_.count = 0; }
   // `bytes`, a multiple of 8, from device memory to pinned memory. At most four parts.
   void add(const void* device, void* pinned, std::uint64_t bytes);
+  // The same, and leaves zeros on the device.
+  void add_and_clear(void* device, void* pinned, std::uint64_t bytes);
   // Marks the pinned words. To be called before anything is enqueued.
   void expect() const;
   // Enqueues the kernel that writes them: after everything else of the pass.
@@ -29,6 +31,7 @@ class Report {
     const unsigned long long* from;
     unsigned long long* to;
     std::uint32_t words;
+    unsigned long long* cleared;  // `from`, or null
   };
   struct Parts {
     Part part[4];
@@ -42,8 +45,10 @@ class Report {
 // By a whole block that sees what is to be reported.
 __device__ inline void write_report(const Report::Parts& parts) {
   for (int p = 0; p < parts.count; p++)
-    for (std::uint32_t k = threadIdx.x; k < parts.part[p].words; k += blockDim.x)
+    for (std::uint32_t k = threadIdx.x; k < parts.part[p].words; k += blockDim.x) {
       *static_cast<volatile unsigned long long*>(parts.part[p].to + k) = parts.part[p].from[k];
+      if (parts.part[p].cleared) parts.part[p].cleared[k] = 0;
+    }
 }
 
 }  // namespace padder::detect::cuda

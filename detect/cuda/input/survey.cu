@@ -160,6 +160,56 @@ __global__ void __launch_bounds__(kThreads) exponent_kernel(DeviceSpheres source
     if (counts[k]) atomicAdd(out + k, static_cast<Word>(counts[k]));
 }
 
+// Counts for Summary::near: probes of each group, then pairs of each two groups and distance. A thread has a
+// probe, a block some targets. The report that brings the counts to the host clears them.
+constexpr int kProbes = Neighbourhood::kProbes, kBlockTargets = 8,
+              kProbeBlocks = Neighbourhood::kTargets / kBlockTargets;
+__host__ __device__ constexpr int probe_counts(int groups) { return groups + groups * groups * groups; }
+constexpr int kMostCounts = probe_counts(kMaxLevels);
+static_assert(sizeof(SizeGroups) / 4 <= kProbes);
+__global__ void __launch_bounds__(kProbes)
+    probe_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ SizeGroups given,
+                 std::uint32_t* sums) {
+  __shared__ std::uint32_t counts[kMostCounts];
+  __shared__ Sphere target[kBlockTargets];
+  __shared__ std::uint32_t target_number[kBlockTargets];
+  __shared__ int target_group[kBlockTargets];
+  // Constant memory would answer a warp's lanes one after the other.
+  __shared__ alignas(8) std::uint32_t words[sizeof(SizeGroups) / 4];
+  const auto& groups = *reinterpret_cast<const SizeGroups*>(words);
+  const int n = given.count, all = probe_counts(n);
+  for (int k = threadIdx.x; k < all; k += kProbes) counts[k] = 0;
+  if (threadIdx.x < sizeof(SizeGroups) / 4)
+    words[threadIdx.x] = reinterpret_cast<const std::uint32_t*>(&given)[threadIdx.x];
+  __syncthreads();
+  const auto group_of = [&](const Sphere& s) { return groups.of_octave[octave_of(groups.top, need_of(s))]; };
+  const std::uint32_t targets = targets_of(source.count), probes = probes_of(source.count),
+                      begin = blockIdx.x * kBlockTargets,
+                      some = targets > begin ? min(targets - begin, kBlockTargets) : 0;
+  if (threadIdx.x < some) {
+    const std::uint32_t number = drawn_at(begin + threadIdx.x, targets, source.count);
+    const Sphere s = source.sphere(number);
+    target[threadIdx.x] = s, target_number[threadIdx.x] = number, target_group[threadIdx.x] = group_of(s);
+  }
+  const bool has_probe = threadIdx.x < probes;
+  const std::uint32_t number = has_probe ? drawn_at(threadIdx.x, probes, source.count) : 0;
+  const Sphere probe = source.sphere(number);
+  const int group = group_of(probe);
+  __syncthreads();
+  if (has_probe && blockIdx.x == 0) atomicAdd(counts + group, 1u);
+  for (std::uint32_t k = 0; k < some; k++) {
+    const int distance = distance_of(groups, along_one_axis(probe, target[k]));
+    const bool near = has_probe && distance < n && target_number[k] != number;
+    // Most lanes count the same: one adds for all of them.
+    const int at = near ? n + (group * n + target_group[k]) * n + distance : -1;
+    const std::uint32_t same = __match_any_sync(~0u, at);
+    if (near && (threadIdx.x & 31) == __ffs(same) - 1) atomicAdd(counts + at, __popc(same));
+  }
+  __syncthreads();
+  for (int k = threadIdx.x; k < all; k += kProbes)
+    if (counts[k]) atomicAdd(sums + k, counts[k]);
+}
+
 }  // namespace
 
 Surveyor::Surveyor(MemoryBook& book)
@@ -167,7 +217,9 @@ Surveyor::Surveyor(MemoryBook& book)
       host_values_(book, "the summary", true),
       sums_(book, "the summary"),
       host_sums_(book, "the summary", true),
-      exponents_(book, "the summary") {}
+      exponents_(book, "the summary"),
+      probes_(book, "the summary"),
+      host_probes_(book, "the summary", true) {}
 
 std::uint64_t Surveyor::words() { return kHead + kAll; }
 
@@ -240,6 +292,47 @@ bool Surveyor::finish(const DeviceSpheres& source, bool octaves, int top, bool a
   }
   s.octaves_known = true, s.above = above;
   return true;
+}
+
+void Surveyor::probe(const DeviceSpheres& source, const SizeGroups& groups, cudaStream_t stream) {
+  probe_kernel<<<kProbeBlocks, kProbes, 0, stream>>>(source, groups, probes_.data());
+  cuda_launched("survey the spheres");
+}
+
+void Surveyor::read_probes(const SizeGroups& groups, Report& report) {
+  const auto words = static_cast<std::uint64_t>(probe_counts(groups.count) + 1) / 2;
+  report.add_and_clear(probes_.data(), host_probes_.data(), words * sizeof(Word));
+}
+
+std::shared_ptr<const Neighbourhood> Surveyor::probed(const SizeGroups& groups) const {
+  const auto made = std::make_shared<Neighbourhood>();
+  Neighbourhood& n = *made;
+  n.groups = groups;
+  const std::uint32_t* count = host_probes_.data();
+  for (int i = 0; i < groups.count; i++) n.probes[i] = *count++;
+  for (int i = 0; i < groups.count; i++)
+    for (int k = 0; k < groups.count; k++)
+      for (int d = 0; d < groups.count; d++) n.pairs[i][k][d] = *count++;
+  return made;
+}
+
+std::shared_ptr<const Neighbourhood> Surveyor::neighbourhood(const DeviceSpheres& source, const Summary& s,
+                                                             cudaStream_t stream) {
+  if (!s.octaves_known) return {};
+  if (!probes_.data()) {
+    constexpr std::uint64_t kCounts = kMostCounts + 1;  // whole words of 8 bytes are read
+    cuda_check(cudaMemsetAsync(probes_.reserve(kCounts), 0, kCounts * sizeof(std::uint32_t), stream),
+               "clear the counters");
+    host_probes_.reserve(kCounts);
+  }
+  Report report;
+  const SizeGroups groups = size_groups(s);
+  read_probes(groups, report);
+  report.expect();
+  probe(source, groups, stream);
+  report.send(stream);
+  report.arrived(stream, "survey the spheres");
+  return probed(groups);
 }
 
 // Finds Summary::above, for sizes that differ by more than kOctaves octaves.

@@ -444,6 +444,67 @@ TEST(Grid, StraySpheresLeaveTheLevelsOfTheOthers) {
 
 // Radii over more octaves than there can be levels: octaves of few spheres share one, but the few largest
 // spheres do not make bins for the many.
+// A heap of small spheres among large ones that are spread widely, with small ones between them: the bounds
+// of both sizes are the same. Bins for both sizes would hold thousands of the heap.
+TEST(Grid, AHeapAmongBouldersHasBinsOfItsOwn) {
+  std::mt19937_64 random = random_of_new_seed();
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (const double ratio : {10.0, 200.0, 3000.0}) {
+    std::vector<Sphere> spheres;
+    const auto strew = [&](int count, double edge, double r) {
+      for (int k = 0; k < count; k++)
+        spheres.push_back({edge * unit(random), edge * unit(random), edge * unit(random), r});
+    };
+    const double wide = 60 * ratio;
+    strew(20'000, wide, ratio), strew(20'000, wide, 1), strew(60'000, 80, 1);
+    std::shuffle(spheres.begin(), spheres.end(), random);
+    Summary s = summary_of(spheres);
+    s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
+    EXPECT_EQ(choose_grid(s, 0, 8, CrossSearch::coarse_to_fine).levels, 2) << ratio;
+    EXPECT_EQ(choose_grid(s, 0, 8, CrossSearch::cheaper).levels, 2) << ratio;
+    // Probes say how many spheres are near one.
+    const SizeGroups& groups = s.near->groups;
+    ASSERT_EQ(groups.count, 2);
+    double found = 0, all = 0;
+    for (int d = 0; d < 2; d++) found += s.near->pairs[0][0][d];
+    for (std::size_t k = 0; k < spheres.size(); k += 100)
+      for (const Sphere& p : spheres)
+        all += spheres[k].r == 1 && p.r == 1 && along_one_axis(spheres[k], p) <= groups.within[1];
+    const double near = found / s.near->probes[0] * spheres.size() / Neighbourhood::kTargets,
+                 exact = all / (0.8 * spheres.size() / 100);
+    EXPECT_NEAR(near, exact, 0.3 * exact) << ratio;
+  }
+}
+// Spheres that lie evenly have the grid that their bounds ask for, whatever probes find by chance.
+TEST(Grid, ProbesOfEvenSpheresChangeNothing) {
+  std::mt19937_64 random = random_of_new_seed();
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (int trial = 0; trial < 60; trial++) {
+    const double ratio = std::pow(100, unit(random)), edge = 20 * ratio * (1 + unit(random));
+    std::vector<Sphere> spheres(1000 + random() % 50'000);
+    for (Sphere& p : spheres)
+      p = {edge * unit(random), edge * unit(random), edge * unit(random), std::pow(ratio, unit(random))};
+    Summary s = summary_of(spheres);
+    const Grid without = choose_grid(s, 0, 8, CrossSearch::coarse_to_fine);
+    s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
+    EXPECT_TRUE(choose_grid(s, 0, 8, CrossSearch::coarse_to_fine) == without) << trial;
+  }
+}
+TEST(Grid, ProbesAreDifferentSpheres) {
+  for (const std::uint64_t n :
+       {1ull, 63ull, 64ull, 511ull, 512ull, 5000ull, 65'536ull, 100'000ull, 0xfffffffeull})
+    for (const std::uint32_t drawn : {probes_of(n), targets_of(n)}) {
+      ASSERT_TRUE(drawn <= Neighbourhood::kTargets && drawn <= n);
+      std::uint32_t last = 0;
+      for (std::uint32_t k = 0; k < drawn; k++) {
+        const std::uint32_t at = drawn_at(k, drawn, n);
+        ASSERT_LT(at, n);
+        ASSERT_TRUE(k == 0 || at > last) << n << ' ' << k;
+        last = at;
+      }
+    }
+}
+
 TEST(Grid, MoreOctavesThanLevels) {
   std::mt19937_64 random(27);
   std::uniform_real_distribution<double> unit(0, 1);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <random>
 #include <vector>
 
@@ -67,6 +68,16 @@ TEST(CudaSurvey, PackedFloatsAsAnyOthers) {
         ASSERT_EQ(p.need_max, a.need_max) << o;
         ASSERT_EQ(p.radius_max, a.radius_max) << o;
         for (int k = 0; k < 3; k++) ASSERT_TRUE(p.low[k] == a.low[k] && p.high[k] == a.high[k]) << o;
+      }
+      if (!packed.octaves_known) continue;
+      const auto near = probe_neighbourhood(packed, [&](std::uint32_t k) {
+        return Sphere{spheres[k].x, spheres[k].y, spheres[k].z, spheres[k].w};
+      });
+      for (int call = 0; call < 2; call++) {  // the second one finds the counts of the first cleared
+        const auto of_gpu = other.neighbourhood(source, packed, nullptr);
+        ASSERT_TRUE(of_gpu->groups == near->groups);
+        ASSERT_EQ(std::memcmp(of_gpu->probes, near->probes, sizeof near->probes), 0);
+        ASSERT_EQ(std::memcmp(of_gpu->pairs, near->pairs, sizeof near->pairs), 0);
       }
     }
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Crowded spheres on the GPU: at one point, towards a cusp, on a plane, beside each other in bins that are
-// full. Rows of bins that are long are deferred (detect/cuda/search/long_rows.h). The contacts are those of
-// the processor, and a stable list is the same in each call, whatever the detector did before.
+// full, in a heap of small ones. Rows of bins that are long are deferred (detect/cuda/search/long_rows.h).
+// The contacts are those of the processor, and a stable list is the same in each call, whatever the detector
+// did before.
 #include <cstring>
 
 #include "tests/detect/oracle.h"
@@ -129,6 +130,22 @@ TEST_F(LongRows, AGiantAndACusp) {
   s.spheres.push_back({5, 5, 5, 80});
   expect_lists(s, Scalar::f32, {});
   expect_lists(s, Scalar::f64, {});
+}
+// Small spheres in a heap, and strewn among large ones: their bounds alone would put all in one level
+// (Summary::near). Units of the heap find more than their queues hold.
+TEST_F(LongRows, AHeapAmongBoulders) {
+  for (const std::uint32_t n : {20'000u, 200'000u})
+    for (const double ratio : {8.0, 100.0}) {
+      TestScene s;
+      const double wide = 3 * ratio * std::cbrt(n);
+      for (std::uint32_t k = 0; k < n; k++) {
+        const double edge = k < n / 2 ? 1.5 * std::cbrt(n) : wide;
+        s.spheres.push_back({edge * unit(), edge * unit(), edge * unit(), k > 3 * n / 4 ? ratio : 1});
+      }
+      std::shuffle(s.spheres.begin(), s.spheres.end(), random_);
+      expect_lists(s, Scalar::f32, {});
+      if (n < 100'000) expect_lists(s, Scalar::f64, {});
+    }
 }
 
 // A list of the parts of these rows would be longer than kMostRowParts.

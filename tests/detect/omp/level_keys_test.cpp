@@ -176,9 +176,7 @@ TEST(PeriodicLevels, LayersDoNotLieOnThemselves) {
     input.spheres = spheres_of<float>(spheres.size() / 4, spheres.data(), spheres.data() + 3);
     input.spheres.center_stride = input.spheres.radius_stride = 4;
     const View<float> view{spheres.data(), spheres.data() + 3, 4, 4, spheres.size() / 4, nullptr, nullptr};
-    double shrink[kOctaves];
-    std::fill_n(shrink, kOctaves, 1.0);
-    Grid grid = choose_levels(summarize(view, 1), 0, shrink);
+    Grid grid = choose_levels(summarize(view, 1), 0);
     ASSERT_TRUE(grid.levels == 1 && grid.level[0].hashed);
     const std::uint64_t before = mistaken_pairs(view, grid.level[0]);
     spread_planes(view, grid);
