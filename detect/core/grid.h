@@ -190,13 +190,14 @@ PADDER_HD int distance_of(const SizeGroups& g, double distance) {
   for (int k = 0; k < g.count; k++) smaller += distance > g.within[k];
   return smaller;
 }
+// The distance along the axis on which it is largest.
 PADDER_HD double along_one_axis(const Sphere& a, const Sphere& b) {
   return larger(larger(magnitude(sub(a.x, b.x)), magnitude(sub(a.y, b.y))), magnitude(sub(a.z, b.z)));
 }
 
-// How near spheres lie to each other: of some spheres, the probes, it is counted how many of
-// some others, the targets, lie near them. Bounds do not tell that: fine grains may lie in one heap among
-// boulders that are spread widely. A level with bins for both would have the heap in a few bins.
+// How near spheres lie to each other: it is counted how many of some spheres, the targets, lie near some
+// others, the probes. Bounds do not tell that: fine grains may lie in one heap among boulders that are spread
+// widely. A level with bins for both would have the heap in a few bins.
 struct Neighbourhood {
   static constexpr std::uint32_t kProbes = 128, kTargets = 1024;
   SizeGroups groups;
