@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Chooses levels and bins on the host, from the summary of the spheres that a backend has made.
-#include "detect/core/grid.h"
+#include "detect/core/neighbourhood.h"
 
 #include <algorithm>
 #include <bit>
@@ -38,54 +38,13 @@ Summary::Octave merged(const Summary& s, const Run& run) {
 
 using Octaves = std::vector<Summary::Octave>;  // from the finest to the coarsest; at most kMaxLevels
 
-// What Summary::near says of the spheres near others.
-class Probed {
- public:
-  // Without probes, or with other groups than `octaves`, it says nothing.
-  Probed(const Summary& s, const SizeGroups& octaves) : near_(s.near.get()) {
-    known_ = near_ && near_->groups.count == octaves.count &&
-             std::equal(octaves.of_octave, octaves.of_octave + kOctaves, near_->groups.of_octave);
-    if (!known_) return;
-    weight_ = static_cast<double>(s.count) / std::max(targets_of(s.count), 1u);
-    crowded_ = std::clamp(kManyInAll / static_cast<double>(s.count), kFewInBin, kManyInBin);
-    const auto n = static_cast<std::size_t>(octaves.count);
-    for (std::size_t i = 0; i < n; i++)
-      for (std::size_t k = 0; k < n; k++)
-        for (std::size_t d = 0; d < n; d++)
-          upto_[i][k][d] = near_->pairs[i][k][d] + (k ? upto_[i][k - 1][d] : 0) +
-                           (d ? upto_[i][k][d - 1] : 0) - (k && d ? upto_[i][k - 1][d - 1] : 0);
-  }
-  // The mean number of spheres of groups a to b, at least, in the bins for group b that are near spheres of
-  // group `seen_by`; 0 if they are not crowded. Within 1.5 bins of a sphere there are 27; a coarser sphere
-  // sees as many of its own size. Probes may find some by chance: two deviations do not count.
-  double in_bin(std::size_t a, std::size_t b, std::size_t seen_by) const {
-    if (!known_) return 0;
-    const std::size_t at = std::max(b, seen_by);
-    const double found = upto_[seen_by][b][at] - (a ? upto_[seen_by][a - 1][at] : 0),
-                 sure = found - 2 * std::sqrt(found) - 2;
-    if (sure <= 0) return 0;
-    const double wide = 3 * near_->groups.within[at] / near_->groups.within[b],
-                 density = sure / near_->probes[seen_by] * weight_ / (wide * wide * wide);
-    return density > crowded_ ? density : 0;
-  }
-
- private:
-  // Crowded bins hold at least so many, or, of few spheres, more: levels of their own cost some time, too.
-  // GPU, 1e5 random scenes: 200 tests a sphere (7 in a bin) take 0.09 ms, three levels in their place 0.2.
-  static constexpr double kManyInAll = 3e6, kFewInBin = 3, kManyInBin = 30;
-  const Neighbourhood* near_;
-  bool known_;
-  double weight_ = 0, crowded_ = 0;
-  std::uint32_t upto_[kMaxLevels][kMaxLevels][kMaxLevels];  // sums over groups and distances
-};
-
 // The mean number of spheres in a bin of a level with bins for octave b. The mean is taken over the bins in
 // which the spheres of octave `seen_by` search: a lone large sphere fills its own bin, but few spheres are
 // near it. It is that of spheres which are spread evenly over the bounds of their octave, or what probes
 // say, if that is more.
 class BinDensity {
  public:
-  BinDensity(const Octaves& octaves, std::size_t b, const Probed& probed) : probed_(probed) {
+  BinDensity(const Octaves& octaves, std::size_t b, const ProbedDensity& probed) : probed_(probed) {
     const double size = octaves[b].need_max;
     for (std::size_t k = 0; k < octaves.size(); k++) {
       const Summary::Octave& o = octaves[k];
@@ -109,7 +68,7 @@ class BinDensity {
   }
 
  private:
-  const Probed& probed_;
+  const ProbedDensity& probed_;
   double in_bin_[kMaxLevels], wide_[kMaxLevels][3], per_wide_[kMaxLevels][3];
 };
 
@@ -180,7 +139,7 @@ TwoOctaves as_octaves(const Level& from, const Level& at) {
 // own spheres, and, for each coarser octave, of the search between the two in the direction that costs less.
 // `all`: those octaves as one.
 double cheaper_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all,
-                    const Probed& probed) {
+                    const ProbedDensity& probed) {
   const double size = all.need_max, own = 10;
   const double several = 8;  // for finding a sphere's level and key, where there is more than one level
   if (!(size > 0)) return 0;
@@ -330,10 +289,11 @@ SizeGroups groups_of(const Summary& s, const std::vector<Run>& runs) {
   }
   return g;
 }
+
 // The partition of the octaves into levels that costs least. Dynamic programming over the octaves taken.
 // Returns the first octave of each level.
 std::vector<std::size_t> choose_levels(const Octaves& octaves, std::uint64_t count, CrossSearch cross_search,
-                                       const Probed& probed) {
+                                       const ProbedDensity& probed) {
   const bool down = cross_search == CrossSearch::coarse_to_fine;
   const std::size_t n = octaves.size();
   // Each level costs something, even if it has only a few spheres. A faster kernel searches a single level,
@@ -538,7 +498,7 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
   Octaves octaves;
   for (const Run& run : runs) octaves.push_back(merged(near, run));
   const std::vector<std::size_t> begins =
-      choose_levels(octaves, s.count, cross_search, Probed(s, groups_of(s, runs)));
+      choose_levels(octaves, s.count, cross_search, ProbedDensity(s, groups_of(s, runs)));
   g.levels = static_cast<std::int32_t>(begins.size());
   g.top = exponent_of(s.need_max) - s.above;
   g.buckets = 0;

@@ -176,51 +176,7 @@ PADDER_HD int bits_for(std::uint32_t buckets) {
   return bits;
 }
 
-// The octaves that hold spheres, in groups: a group for each, unless there are more of them than levels.
-struct SizeGroups {
-  std::int32_t count = 0;  // groups, from the finest to the coarsest
-  std::int32_t top = 0;    // as Grid::top
-  std::uint8_t of_octave[kOctaves] = {};
-  double within[kMaxLevels] = {};  // of each group: 1.5 times the largest need
-  friend bool operator==(const SizeGroups&, const SizeGroups&) = default;
-};
-// How many of the groups' distances are smaller than this one. They grow.
-PADDER_HD int distance_of(const SizeGroups& g, double distance) {
-  int smaller = 0;
-  for (int k = 0; k < g.count; k++) smaller += distance > g.within[k];
-  return smaller;
-}
-// The distance along the axis on which it is largest.
-PADDER_HD double along_one_axis(const Sphere& a, const Sphere& b) {
-  return larger(larger(magnitude(sub(a.x, b.x)), magnitude(sub(a.y, b.y))), magnitude(sub(a.z, b.z)));
-}
-
-// How near spheres lie to each other: it is counted how many of some spheres, the targets, lie near some
-// others, the probes. Bounds do not tell that: fine grains may lie in one heap among boulders that are spread
-// widely. A level with bins for both would have the heap in a few bins.
-struct Neighbourhood {
-  static constexpr std::uint32_t kProbes = 128, kTargets = 1024;
-  SizeGroups groups;
-  std::uint32_t probes[kMaxLevels] = {};
-  // Of a probe's group, a target's group, and the first of the groups' distances that is not exceeded.
-  std::uint32_t pairs[kMaxLevels][kMaxLevels][kMaxLevels] = {};
-};
-// Few spheres have fewer of both: counting must not take longer than the call.
-PADDER_HD std::uint32_t probes_of(std::uint64_t spheres) {
-  const std::uint64_t some = spheres / 512;
-  return some < Neighbourhood::kProbes ? static_cast<std::uint32_t>(some) : Neighbourhood::kProbes;
-}
-PADDER_HD std::uint32_t targets_of(std::uint64_t spheres) {
-  const std::uint64_t some = spheres / 64;
-  return some < Neighbourhood::kTargets ? static_cast<std::uint32_t>(some) : Neighbourhood::kTargets;
-}
-// The k-th of so many that are drawn: the input is cut into as many parts, and one sphere is taken from each,
-// anywhere, because the input may have an order of its own.
-PADDER_HD std::uint32_t drawn_at(std::uint32_t k, std::uint32_t drawn, std::uint64_t spheres) {
-  const std::uint64_t begin = k * spheres / drawn, length = (k + 1) * spheres / drawn - begin,
-                      anywhere = (k + drawn) * 0x9e3779b97f4a7c15u >> 32;
-  return static_cast<std::uint32_t>(begin + (anywhere * length >> 32));
-}
+struct Neighbourhood;  // detect/core/neighbourhood.h
 
 // What a first pass over the spheres finds. Each backend fills it in its own way. Bounds may be wider than
 // the spheres are, but not narrower.
@@ -247,48 +203,10 @@ struct Summary {
   bool octaves_known = false;
   int above = 0;
   Octave octave[kOctaves];
-  // Only if the octaves are known; a backend may leave it out. Summaries are copied often.
+  // How near spheres lie to each other. Only if the octaves are known; a backend may leave it out. Summaries
+  // are copied often.
   std::shared_ptr<const Neighbourhood> near;
 };
-// Host code. The groups of the octaves, which are known.
-SizeGroups size_groups(const Summary& s);
-// Host code. Summary::near; at(k) is sphere number k.
-template <class SphereAt>
-std::shared_ptr<const Neighbourhood> probe_neighbourhood(const Summary& s, const SphereAt& at) {
-  const auto made = std::make_shared<Neighbourhood>();
-  Neighbourhood& n = *made;
-  const SizeGroups groups = n.groups = size_groups(s);
-  const auto group_of = [&](const Sphere& p) { return groups.of_octave[octave_of(groups.top, need_of(p))]; };
-  const std::uint32_t probes = probes_of(s.count), targets = targets_of(s.count);
-  double x[Neighbourhood::kTargets], y[Neighbourhood::kTargets], z[Neighbourhood::kTargets],
-      distance[Neighbourhood::kTargets];
-  std::uint8_t group[Neighbourhood::kTargets];
-  std::uint32_t number[Neighbourhood::kTargets];
-  for (std::uint32_t k = 0; k < targets; k++) {
-    const Sphere p = at(number[k] = drawn_at(k, targets, s.count));
-    x[k] = p.x, y[k] = p.y, z[k] = p.z, group[k] = group_of(p);
-  }
-  const double farthest = groups.within[groups.count - 1];
-  for (std::uint32_t q = 0; q < probes; q++) {
-    const std::uint32_t own = drawn_at(q, probes, s.count);
-    const Sphere probe = at(own);
-    const std::uint8_t of_probe = group_of(probe);
-    n.probes[of_probe]++;
-    for (std::uint32_t k = 0; k < targets; k++) distance[k] = along_one_axis(probe, {x[k], y[k], z[k], 0});
-    for (std::uint32_t k = 0; k < targets; k++)
-      if (distance[k] <= farthest && number[k] != own)
-        n.pairs[of_probe][group[k]][distance_of(groups, distance[k])]++;
-  }
-  return made;
-}
-
-// Host code. The best value of Summary::above if the needs vary by more than kOctaves octaves.
-// `of_exponent[e]` is the number of spheres with exponent_of(need) + 1023 == e. Without this, one ball of
-// radius 1e25 would put all other spheres into the last octave, and so into one level with bins for the
-// largest of them.
-inline constexpr int kExponents = 2047;
-int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent);
-
 // Host code. Do the sizes vary so much that the octaves must be counted?
 bool needs_octaves(const Summary& s);
 // Host code. The summary with all spheres in octave 0 if its octaves were not counted.

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdio>
 
+#include "detect/core/neighbourhood.h"
 #include "detect/omp/bodies.h"
 #include "detect/omp/history.h"
 #include "detect/omp/threads.h"

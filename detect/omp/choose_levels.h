@@ -2,7 +2,6 @@
 // The grid of the CPU's grid path: that of choose_grid(), for spheres that may lie anywhere. Internal.
 #pragma once
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <vector>
 

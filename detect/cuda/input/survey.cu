@@ -198,7 +198,7 @@ __global__ void __launch_bounds__(kProbes)
   __syncthreads();
   if (has_probe && blockIdx.x == 0) atomicAdd(counts + group, 1u);
   for (std::uint32_t k = 0; k < some; k++) {
-    const int distance = distance_of(groups, along_one_axis(probe, target[k]));
+    const int distance = first_within(groups, chebyshev_distance(probe, target[k]));
     const bool near = has_probe && distance < n && target_number[k] != number;
     // Most lanes count the same: one adds for all of them.
     const int at = near ? n + (group * n + target_group[k]) * n + distance : -1;

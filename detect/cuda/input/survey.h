@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The first pass over the spheres: the summary from which the grid is chosen. Only .cu files include this.
 #pragma once
+#include "detect/core/neighbourhood.h"
 #include "detect/cuda/device/memory.h"
 #include "detect/cuda/device/report.h"
 #include "detect/cuda/input/bounds.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Bins, keys and levels: what the completeness of the search rests on.
-#include "detect/core/grid.h"
+#include "detect/core/neighbourhood.h"
 
 #include <algorithm>
 #include <array>
@@ -442,38 +442,63 @@ TEST(Grid, StraySpheresLeaveTheLevelsOfTheOthers) {
   }
 }
 
-// Radii over more octaves than there can be levels: octaves of few spheres share one, but the few largest
-// spheres do not make bins for the many.
-// A heap of small spheres among large ones that are spread widely, with small ones between them: the bounds
-// of both sizes are the same. Bins for both sizes would hold thousands of the heap.
+// A heap of grains; stones and boulders are spread widely, with a few grains between them. By their bounds,
+// grains are so far from each other that they share a level with the stones. All of the heap would lie in few
+// of its bins.
 TEST(Grid, AHeapAmongBouldersHasBinsOfItsOwn) {
   std::mt19937_64 random = random_of_new_seed();
   std::uniform_real_distribution<double> unit(0, 1);
-  for (const double ratio : {10.0, 200.0, 3000.0}) {
+  for (const double ratio : {20.0, 100.0, 1000.0}) {
     std::vector<Sphere> spheres;
     const auto strew = [&](int count, double edge, double r) {
       for (int k = 0; k < count; k++)
         spheres.push_back({edge * unit(random), edge * unit(random), edge * unit(random), r});
     };
-    const double wide = 60 * ratio;
-    strew(20'000, wide, ratio), strew(20'000, wide, 1), strew(60'000, 80, 1);
+    const double wide = 2000 * ratio;
+    strew(10, wide, 100 * ratio), strew(300, wide, ratio), strew(30, wide, 1), strew(60'000, 80, 1);
     std::shuffle(spheres.begin(), spheres.end(), random);
     Summary s = summary_of(spheres);
-    s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
-    EXPECT_EQ(choose_grid(s, 0, 8, CrossSearch::coarse_to_fine).levels, 2) << ratio;
-    EXPECT_EQ(choose_grid(s, 0, 8, CrossSearch::cheaper).levels, 2) << ratio;
-    // Probes say how many spheres are near one.
+    for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+      s.near = nullptr;
+      EXPECT_EQ(choose_grid(s, 0, 8, cross_search).levels, 2) << ratio;
+      s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
+      EXPECT_EQ(choose_grid(s, 0, 8, cross_search).levels, 3) << ratio;
+    }
+    // Probes say how many small spheres are near a small one.
     const SizeGroups& groups = s.near->groups;
-    ASSERT_EQ(groups.count, 2);
-    double found = 0, all = 0;
+    ASSERT_EQ(groups.count, 3);
+    double found = 0, small = 0, all = 0;
     for (int d = 0; d < 2; d++) found += s.near->pairs[0][0][d];
-    for (std::size_t k = 0; k < spheres.size(); k += 100)
+    for (std::size_t k = 0; k < spheres.size(); k += 100) {
+      if (spheres[k].r > 1) continue;
+      small++;
       for (const Sphere& p : spheres)
-        all += spheres[k].r == 1 && p.r == 1 && along_one_axis(spheres[k], p) <= groups.within[1];
-    const double near = found / s.near->probes[0] * spheres.size() / Neighbourhood::kTargets,
-                 exact = all / (0.8 * spheres.size() / 100);
+        all += p.r == 1 && chebyshev_distance(spheres[k], p) <= groups.within[1];
+    }
+    const double near = found / s.near->probes[0] * static_cast<double>(spheres.size()) /
+                        targets_of(spheres.size()),
+                 exact = all / small;
     EXPECT_NEAR(near, exact, 0.3 * exact) << ratio;
   }
+}
+// A heap of four octaves, and ten coarser octaves spread widely: some must share a level. Those of the heap
+// do not get bins for coarser ones, in which all of the heap would lie.
+TEST(Grid, JoinedOctavesDoNotCoarsenAHeap) {
+  std::mt19937_64 random = random_of_new_seed();
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::vector<Sphere> spheres;
+  for (int k = 0; k < 60'000; k++) {
+    const bool heap = k % 3 < 2;
+    const double edge = heap ? 600 : 3e7, r = std::exp2(heap ? 4 * unit(random) : 8 + 10 * unit(random));
+    spheres.push_back({edge * unit(random), edge * unit(random), edge * unit(random), r});
+  }
+  Summary s = summary_of(spheres);
+  ASSERT_GT(std::count_if(s.octave, s.octave + kOctaves, [](const auto& o) { return o.count > 0; }),
+            kMaxLevels);
+  s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
+  const Grid g = choose_grid(s, 0, 8, CrossSearch::coarse_to_fine);
+  for (const Sphere& p : spheres)
+    if (p.r < 16) ASSERT_LT(g.level[level_of(g, p)].size, 64);
 }
 // Spheres that lie evenly have the grid that their bounds ask for, whatever probes find by chance.
 TEST(Grid, ProbesOfEvenSpheresChangeNothing) {
@@ -505,6 +530,8 @@ TEST(Grid, ProbesAreDifferentSpheres) {
     }
 }
 
+// Radii over more octaves than there can be levels: octaves of few spheres share one, but the few largest
+// spheres do not make bins for the many.
 TEST(Grid, MoreOctavesThanLevels) {
   std::mt19937_64 random(27);
   std::uniform_real_distribution<double> unit(0, 1);

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: MIT
+// How near spheres lie to each other, which their bounds do not tell (docs/detector/algorithm.md, "How
+// densely spheres lie"): what is counted before levels are chosen, and what choose_grid() takes from it. For
+// host and device, except for what is marked as host code. Internal.
+#pragma once
+#include <algorithm>
+#include <cmath>
+
+#include "detect/core/grid.h"
+
+namespace padder::detect {
+
+// The octaves that hold spheres, in groups: a group for each, unless there are more of them than levels.
+struct SizeGroups {
+  std::int32_t count = 0;  // groups, from the finest to the coarsest
+  std::int32_t top = 0;    // as Grid::top
+  std::uint8_t of_octave[kOctaves] = {};
+  double within[kMaxLevels] = {};  // of each group: 1.5 times the largest need
+  friend bool operator==(const SizeGroups&, const SizeGroups&) = default;
+};
+// The first of the groups' distances, which grow, that this one does not exceed; `count`: none.
+PADDER_HD int first_within(const SizeGroups& g, double distance) {
+  int smaller = 0;
+  for (int k = 0; k < g.count; k++) smaller += distance > g.within[k];
+  return smaller;
+}
+PADDER_HD double chebyshev_distance(const Sphere& a, const Sphere& b) {
+  return larger(larger(magnitude(sub(a.x, b.x)), magnitude(sub(a.y, b.y))), magnitude(sub(a.z, b.z)));
+}
+
+// How near spheres lie to each other: it is counted how many of some spheres, the targets, lie near some
+// others, the probes. Bounds do not tell that: fine grains may lie in one heap among boulders that are spread
+// widely. A level with bins for both would have the heap in a few bins.
+struct Neighbourhood {
+  static constexpr std::uint32_t kProbes = 128, kTargets = 1024;
+  SizeGroups groups;
+  std::uint32_t probes[kMaxLevels] = {};
+  // Of a probe's group, a target's group, and the first of the groups' distances that is not exceeded.
+  std::uint32_t pairs[kMaxLevels][kMaxLevels][kMaxLevels] = {};
+};
+// Few spheres have fewer of both: counting must not take longer than the call.
+PADDER_HD std::uint32_t probes_of(std::uint64_t spheres) {
+  const std::uint64_t some = spheres / 512;
+  return some < Neighbourhood::kProbes ? static_cast<std::uint32_t>(some) : Neighbourhood::kProbes;
+}
+PADDER_HD std::uint32_t targets_of(std::uint64_t spheres) {
+  const std::uint64_t some = spheres / 64;
+  return some < Neighbourhood::kTargets ? static_cast<std::uint32_t>(some) : Neighbourhood::kTargets;
+}
+// The k-th of so many that are drawn: the input is cut into as many parts, and one sphere is taken from each,
+// anywhere, because the input may have an order of its own.
+PADDER_HD std::uint32_t drawn_at(std::uint32_t k, std::uint32_t drawn, std::uint64_t spheres) {
+  const std::uint64_t begin = k * spheres / drawn, length = (k + 1) * spheres / drawn - begin;
+  return static_cast<std::uint32_t>(begin + mixed(begin) % length);
+}
+
+// Host code. The groups of the octaves, which are known.
+SizeGroups size_groups(const Summary& s);
+// Host code. Summary::near; at(k) is sphere number k.
+template <class SphereAt>
+std::shared_ptr<const Neighbourhood> probe_neighbourhood(const Summary& s, const SphereAt& at) {
+  const auto made = std::make_shared<Neighbourhood>();
+  Neighbourhood& n = *made;
+  const SizeGroups groups = n.groups = size_groups(s);
+  const auto group_of = [&](const Sphere& p) { return groups.of_octave[octave_of(groups.top, need_of(p))]; };
+  const std::uint32_t probes = probes_of(s.count), targets = targets_of(s.count);
+  double x[Neighbourhood::kTargets], y[Neighbourhood::kTargets], z[Neighbourhood::kTargets],
+      distance[Neighbourhood::kTargets];
+  std::uint8_t group[Neighbourhood::kTargets];
+  std::uint32_t number[Neighbourhood::kTargets];
+  for (std::uint32_t k = 0; k < targets; k++) {
+    const Sphere p = at(number[k] = drawn_at(k, targets, s.count));
+    x[k] = p.x, y[k] = p.y, z[k] = p.z, group[k] = group_of(p);
+  }
+  const double farthest = groups.within[groups.count - 1];
+  for (std::uint32_t q = 0; q < probes; q++) {
+    const std::uint32_t own = drawn_at(q, probes, s.count);
+    const Sphere probe = at(own);
+    const std::uint8_t of_probe = group_of(probe);
+    n.probes[of_probe]++;
+    for (std::uint32_t k = 0; k < targets; k++)
+      distance[k] = chebyshev_distance(probe, {x[k], y[k], z[k], 0});
+    for (std::uint32_t k = 0; k < targets; k++)
+      if (distance[k] <= farthest && number[k] != own)
+        n.pairs[of_probe][group[k]][first_within(groups, distance[k])]++;
+  }
+  return made;
+}
+
+// Host code. The best value of Summary::above if the needs vary by more than kOctaves octaves.
+// `of_exponent[e]` is the number of spheres with exponent_of(need) + 1023 == e. Without this, one ball of
+// radius 1e25 would put all other spheres into the last octave, and so into one level with bins for the
+// largest of them.
+inline constexpr int kExponents = 2047;
+int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent);
+
+// Host code. What Summary::near says of the spheres near others.
+class ProbedDensity {
+ public:
+  // Without probes, or with other groups than `octaves`, it says nothing.
+  ProbedDensity(const Summary& s, const SizeGroups& octaves) : near_(s.near.get()) {
+    known_ = near_ && near_->groups.count == octaves.count &&
+             std::equal(octaves.of_octave, octaves.of_octave + kOctaves, near_->groups.of_octave);
+    if (!known_) return;
+    weight_ = static_cast<double>(s.count) / std::max(targets_of(s.count), 1u);
+    crowded_ = std::clamp(kManyInAll / static_cast<double>(s.count), kFewInBin, kManyInBin);
+    const auto n = static_cast<std::size_t>(octaves.count);
+    for (std::size_t i = 0; i < n; i++)
+      for (std::size_t k = 0; k < n; k++)
+        for (std::size_t d = 0; d < n; d++)
+          upto_[i][k][d] = near_->pairs[i][k][d] + (k ? upto_[i][k - 1][d] : 0) +
+                           (d ? upto_[i][k][d - 1] : 0) - (k && d ? upto_[i][k - 1][d - 1] : 0);
+  }
+  // The mean number of spheres of groups a to b, at least, in the bins for group b that are near spheres of
+  // group `seen_by`; 0 if they are not crowded. Within 1.5 bins of a sphere there are 27; a coarser sphere
+  // sees as many of its own size. Probes may find some by chance: two deviations do not count.
+  double in_bin(std::size_t a, std::size_t b, std::size_t seen_by) const {
+    if (!known_) return 0;
+    const std::size_t at = std::max(b, seen_by);
+    const double found = upto_[seen_by][b][at] - (a ? upto_[seen_by][a - 1][at] : 0),
+                 sure = found - 2 * std::sqrt(found) - 2;
+    if (sure <= 0) return 0;
+    const double wide = 3 * near_->groups.within[at] / near_->groups.within[b],
+                 density = sure / near_->probes[seen_by] * weight_ / (wide * wide * wide);
+    return density > crowded_ ? density : 0;
+  }
+
+ private:
+  // Bins are crowded from kManyInBin spheres on. Of more than 1e5 spheres fewer are enough: kManyInAll by the
+  // number of spheres, but kFewInBin at least. A level more costs a GPU 0.1 ms, however few its spheres are;
+  // crowded bins cost each sphere time (docs/experiments/levels.md).
+  static constexpr double kManyInAll = 3e6, kFewInBin = 3, kManyInBin = 30;
+  const Neighbourhood* near_;
+  bool known_;
+  double weight_ = 0, crowded_ = 0;
+  std::uint32_t upto_[kMaxLevels][kMaxLevels][kMaxLevels];  // sums over groups and distances
+};
+
+}  // namespace padder::detect
