@@ -207,6 +207,13 @@ struct Summary {
   // are copied often.
   std::shared_ptr<const Neighbourhood> near;
 };
+// Host code. The best value of Summary::above if the needs vary by more than kOctaves octaves.
+// `of_exponent[e]` is the number of spheres with exponent_of(need) + 1023 == e. Without this, one ball of
+// radius 1e25 would put all other spheres into the last octave, and so into one level with bins for the
+// largest of them.
+inline constexpr int kExponents = 2047;
+int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent);
+
 // Host code. Do the sizes vary so much that the octaves must be counted?
 bool needs_octaves(const Summary& s);
 // Host code. The summary with all spheres in octave 0 if its octaves were not counted.
