@@ -16,12 +16,20 @@ namespace {
 
 using detect::FloatSphere;
 
+// How the spheres lie in memory.
+struct Layout {
+  bool wide = false;   // doubles
+  bool apart = false;  // centers and radii in two arrays, not x, y, z and radius together
+  std::string name() const { return std::string(wide ? ", double" : "") + (apart ? ", two arrays" : ""); }
+};
+
 // The frames of a scene, in the memory of the device if there is one, and the place that detect() reads.
 class Frames {
  public:
-  Frames(const std::vector<FloatSphere>& spheres, int frames, bool wide, [[maybe_unused]] bool on_device)
-      : wide_(wide), count_(spheres.size()), frames_(frames) {
-    bytes_ = count_ * 4 * (wide ? 8 : 4);
+  Frames(const std::vector<FloatSphere>& spheres, int frames, const Layout& layout,
+         [[maybe_unused]] bool on_device)
+      : layout_(layout), count_(spheres.size()), frames_(frames) {
+    bytes_ = count_ * 4 * scalar_bytes();
     host_.resize(static_cast<std::size_t>(frames) * bytes_);
     for (int f = 0; f < frames; f++)
       for (std::size_t k = 0; k < count_; k++) fill(static_cast<std::size_t>(f), k, spheres[k]);
@@ -68,12 +76,13 @@ class Frames {
   }
 
  private:
+  std::size_t scalar_bytes() const { return layout_.wide ? sizeof(double) : sizeof(float); }
   detect::Spheres view(const std::byte* at) const {
-    const auto* const doubles = reinterpret_cast<const double*>(at);
-    const auto* const floats = reinterpret_cast<const float*>(at);
-    detect::Spheres s = wide_ ? detect::spheres_of<double>(count_, doubles, doubles + 3)
-                              : detect::spheres_of<float>(count_, floats, floats + 3);
-    s.center_stride = s.radius_stride = 4;
+    const std::byte* const radii = at + scalar_bytes() * 3 * (layout_.apart ? count_ : 1);
+    detect::Spheres s;
+    s.count = count_, s.scalar = layout_.wide ? detect::Scalar::f64 : detect::Scalar::f32;
+    s.centers = at, s.radii = radii;
+    if (!layout_.apart) s.center_stride = s.radius_stride = 4;
     return s;
   }
   void fill(std::size_t frame, std::size_t k, const FloatSphere& s) {
@@ -83,11 +92,15 @@ class Frames {
     for (int a = 0; a < 3; a++) v[a] += step * random.signed_unit();
     const float f[4] = {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2]),
                         static_cast<float>(v[3])};
-    const std::size_t bytes = wide_ ? sizeof v : sizeof f;
-    std::memcpy(host_.data() + frame * bytes_ + k * bytes, wide_ ? static_cast<const void*>(v) : f, bytes);
+    const std::byte* const from =
+        layout_.wide ? reinterpret_cast<const std::byte*>(v) : reinterpret_cast<const std::byte*>(f);
+    std::byte* const to = host_.data() + frame * bytes_;
+    const std::size_t one = scalar_bytes();
+    std::memcpy(to + k * one * (layout_.apart ? 3 : 4), from, 3 * one);
+    std::memcpy(to + one * (layout_.apart ? 3 * count_ + k : 4 * k + 3), from + 3 * one, one);
   }
 
-  bool wide_;
+  Layout layout_;
   std::size_t count_, bytes_ = 0;
   int frames_;
   std::vector<std::byte> host_, here_;
@@ -117,7 +130,7 @@ Times timed(detect::Detector& d, Frames& frames, int calls, bool moving) {
 
 struct Row {
   const UnevenScene* scene;
-  bool wide;
+  Layout layout;
 };
 
 class Table {
@@ -127,10 +140,10 @@ class Table {
   void row(const Row& r, std::uint64_t n, detect::BackendKind backend) {
     const Settings& s = settings_;
     const bool cuda = backend == detect::BackendKind::cuda;
-    const std::string name = std::string(r.scene->name) + (r.wide ? ", double" : "");
+    const std::string name = r.scene->name + r.layout.name();
     say(s, name + " " + std::to_string(n) + (cuda ? " cuda" : " omp"));
     const std::vector<FloatSphere> spheres = uneven_scene(*r.scene, n);
-    Frames frames(spheres, s.moving ? (n > 2000000 ? 5 : 9) : 1, r.wide, cuda);
+    Frames frames(spheres, s.moving ? (n > 2000000 ? 5 : 9) : 1, r.layout, cuda);
     detect::CallOptions o;
     o.threads = s.threads;
     o.order = s.stable ? detect::Order::stable : detect::Order::any;
@@ -158,7 +171,8 @@ class Table {
     const Near near = s.margin > 0 ? with_margin(r, frames, spheres, backend, o, calls) : Near{};
     const double work = static_cast<double>(n) + static_cast<double>(contacts), each = standing.median / work,
                  processor = standing.processor / work;
-    if (r.scene == &uneven_scenes()[0] && !r.wide) dense_ = each, dense_processor_ = processor;
+    if (r.scene == &uneven_scenes()[0] && r.layout.name().empty())
+      dense_ = each, dense_processor_ = processor;
     const auto ms = [](double t) { return t > 0 ? number(t * 1e3, "%.3f") : std::string("-"); };
     const auto ratio = [](double a, double b) { return b > 0 && a > 0 ? number(a / b, "%.2f") : "-"; };
     say(s, "  " + ms(standing.median) + " ms, over dense " + ratio(each, dense_) + ", CPU time " +
@@ -270,7 +284,7 @@ class Table {
            o.margin);
     std::vector<FloatSphere> grown = spheres;
     for (FloatSphere& s : grown) s.r += static_cast<float>(o.margin / 2);
-    Frames larger(grown, 1, r.wide, cuda);
+    Frames larger(grown, 1, r.layout, cuda);
     o.margin = 0;
     detect::Detector plain({backend}, o);
     return {median, timed(plain, larger, calls, false).median, contacts};
@@ -286,9 +300,11 @@ Json scenes(const Settings& s) {
   Table t(s);
   std::vector<Row> rows;
   for (const UnevenScene& scene : uneven_scenes()) {
-    rows.push_back({&scene, false});
+    rows.push_back({&scene, {}});
     const std::string name = scene.name;
-    if (name == "dense" || name == "poly100" || name == "escaped") rows.push_back({&scene, true});
+    if (name == "dense" || name == "poly100" || name == "escaped") rows.push_back({&scene, {.wide = true}});
+    if (name == "dense")
+      rows.push_back({&scene, {.apart = true}}), rows.push_back({&scene, {.wide = true, .apart = true}});
   }
   const std::vector<std::uint64_t> sizes =
       s.spheres.empty() ? std::vector<std::uint64_t>{100000, 1000000, 5000000} : s.spheres;

@@ -17,12 +17,12 @@ class Surveyor {
 
   // The survey in steps that do not wait for each other. `top` is the exponent that the largest need is
   // expected to have, and `octaves` says whether sizes are expected to differ so much that octaves are told
-  // apart. begin() starts the survey. Where rides_along(), begin() is not called: the kernels that put the
-  // spheres in order clear the head and gather() the bounds. read() lets the report bring what was found to
-  // the host. finish() is called after the stream has been waited for. It is false if an expectation was
-  // wrong: then call survey().
+  // apart. begin() starts the survey. Where rides_along(), as floats do, begin() is not called: the kernels
+  // that put the spheres in order clear the head and gather() the bounds. read() lets the report bring what
+  // was found to the host. finish() is called after the stream has been waited for. It is false if an
+  // expectation was wrong: then call survey().
   static bool rides_along(const DeviceSpheres& source) {
-    return source.placed == 0 && (source.rounded || (source.packed && !source.wide));
+    return source.placed == 0 && (source.rounded || !source.wide);
   }
   void begin(const DeviceSpheres& source, bool octaves, int top, int processors, cudaStream_t stream);
   static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head

@@ -23,6 +23,17 @@ class CudaTest : public testing::Test {
   void expect_right_between_faults(std::uint64_t n);
   void expect_one_order(const char* name, std::uint64_t n);
 
+  // Centers and radii in two arrays.
+  struct TwoArrays {
+    std::vector<float> centers, radii;
+    Input input(const std::vector<FloatSphere>& spheres) {
+      centers.clear(), radii.clear();
+      for (const FloatSphere& s : spheres)
+        centers.insert(centers.end(), {s.x, s.y, s.z}), radii.push_back(s.r);
+      return {.spheres = spheres_of(spheres.size(), centers.data(), radii.data())};
+    }
+  };
+
   // Some of the records are those of the spheres as they were given.
   static void expect_records(const Input& input, const Contacts& c) {
     const std::span<const Normal<float>> normals = c.normal_span<float>();
@@ -197,14 +208,17 @@ TEST_F(CudaTest, DoublesThatWereFarAwayBeforeDoNotMatter) {
 // One bad or far sphere between good calls of one size: it is refused or found, and the call after it is
 // right.
 void CudaTest::expect_right_between_faults(std::uint64_t n) {
-  for (const char* name : {"dense", "poly35", "poly100"}) {
+  for (const auto& [name, apart] :
+       {std::pair("dense", false), {"dense", true}, {"poly35", false}, {"poly100", true}}) {
     auto spheres = generate(name, n);
+    TwoArrays arrays;
+    const auto input = [&] { return apart ? arrays.input(spheres) : input_of(spheres); };
     cpu_.width = gpu_.width;  // what a record can hold is refused alike
     Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
     cpu.detect(input_of(spheres));
     const std::uint64_t hash = cpu.hash();
     const auto expect_right = [&](const char* when) {
-      gpu.detect(input_of(spheres));
+      gpu.detect(input());
       ASSERT_EQ(gpu.hash(), hash) << name << " " << n << " " << when;
     };
     int step = 0;
@@ -216,7 +230,7 @@ void CudaTest::expect_right_between_faults(std::uint64_t n) {
         float& at = radius ? spheres[n / 2].r : spheres[n / 2].x;
         const float keep = std::exchange(at, evil);
         try {
-          const std::uint64_t count = gpu.detect(input_of(spheres)).count;
+          const std::uint64_t count = gpu.detect(input()).count;
           ASSERT_EQ(count, cpu.detect(input_of(spheres)).count) << name << " " << n << " " << evil;
           ASSERT_EQ(gpu.hash(), cpu.hash());
         } catch (const Error&) {
@@ -227,6 +241,22 @@ void CudaTest::expect_right_between_faults(std::uint64_t n) {
         expect_right("after");
       }
   }
+}
+TEST_F(CudaTest, TwoArraysThatMove) {
+  for (const char* name : {"dense", "poly100"})
+    for (const std::uint64_t n : {20'000u, 300'000u})
+      for (const Order order : {Order::any, Order::stable}) {
+        auto spheres = generate(name, n);
+        gpu_.order = order;
+        TwoArrays arrays;
+        Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
+        for (int call = 0; call < 5; call++) {
+          ASSERT_EQ(gpu.detect(arrays.input(spheres)).count, cpu.detect(input_of(spheres)).count)
+              << name << n;
+          ASSERT_EQ(gpu.hash(), cpu.hash()) << name << ' ' << n << ", call " << call;
+          for (FloatSphere& s : spheres) s.x += s.r * (0.1f + s.y - std::floor(s.y)), s.z -= 0.2f * s.r;
+        }
+      }
 }
 TEST_F(CudaTest, RightBetweenFaults) {
   expect_right_between_faults(1'000), expect_right_between_faults(20'000);
