@@ -39,37 +39,37 @@ Summary::Octave merged(const Summary& s, const Run& run) {
 using Octaves = std::vector<Summary::Octave>;  // from the finest to the coarsest; at most kMaxLevels
 
 // The mean number of spheres in a bin of a level with bins for octave b. The mean is taken over the bins in
-// which the spheres of octave `seen_by` search: a lone large sphere fills its own bin, but few spheres are
-// near it. It is that of spheres which are spread evenly over the bounds of their octave, or what probes
-// say, if that is more.
+// which the spheres of an octave search: a lone large sphere fills its own bin, but few spheres are near it.
+// It is that of spheres which are spread evenly over the bounds of their octave, or what probes say, if that
+// is more.
 class BinDensity {
  public:
-  BinDensity(const Octaves& octaves, std::size_t b, const ProbedDensity& probed) : probed_(probed) {
-    const double size = octaves[b].need_max;
-    for (std::size_t k = 0; k < octaves.size(); k++) {
-      const Summary::Octave& o = octaves[k];
-      in_bin_[k] = static_cast<double>(o.count);
+  BinDensity(const Octaves& octaves, std::size_t b, const ProbedDensity& probed)
+      : probed_(probed), octaves_(octaves), b_(b), size_(octaves[b].need_max) {
+    for (std::size_t k = 0; k < octaves.size(); k++)
       for (int c = 0; c < 3; c++) {
-        const double wide = o.high[c] - o.low[c];
-        wide_[k][c] = wide + size, per_wide_[k][c] = 1 / wide_[k][c];
-        in_bin_[k] *= std::min(1.0, size / (wide + o.need_max));
+        wide_[k][c] = octaves[k].high[c] - octaves[k].low[c] + size_, per_wide_[k][c] = 1 / wide_[k][c];
       }
-    }
   }
-  // If octaves a to b are the level.
-  double of(std::size_t a, std::size_t b, std::size_t seen_by) const {
-    double density = 0;
-    for (std::size_t k = a; k <= b; k++) {
-      double part = in_bin_[k];
-      for (int c = 0; c < 3; c++) part *= std::min(1.0, wide_[k][c] * per_wide_[seen_by][c]);
-      density += part;
+  // Adds an octave to the level: first b, and then always the next finer one.
+  void add(std::size_t a) {
+    const Summary::Octave& o = octaves_[a];
+    double in_bin = static_cast<double>(o.count);
+    for (int c = 0; c < 3; c++) in_bin *= std::min(1.0, size_ / (o.high[c] - o.low[c] + o.need_max));
+    for (std::size_t k = 0; k < octaves_.size(); k++) {
+      double part = in_bin;
+      for (int c = 0; c < 3; c++) part *= std::min(1.0, wide_[a][c] * per_wide_[k][c]);
+      sum_[k] += part;
     }
-    return std::max(density, probed_.in_bin(a, b, seen_by));
+    a_ = a;
   }
+  double seen_by(std::size_t k) const { return std::max(sum_[k], probed_.in_bin(a_, b_, k)); }
 
  private:
   const ProbedDensity& probed_;
-  double in_bin_[kMaxLevels], wide_[kMaxLevels][3], per_wide_[kMaxLevels][3];
+  const Octaves& octaves_;
+  std::size_t a_ = 0, b_;
+  double size_, wide_[kMaxLevels][3], per_wide_[kMaxLevels][3], sum_[kMaxLevels] = {};
 };
 
 // The functions below estimate what the search costs on a CPU, in nanoseconds. The constants were measured on
@@ -83,13 +83,14 @@ double density_of(const Summary::Octave& o, double size) {
 }
 // The fraction of the spheres of `from` whose centres are within `distance` of the box of `at`.
 double fraction_near(const Summary::Octave& from, const Summary::Octave& at, double distance) {
-  double fraction = 1;
+  double near = 1, all = 1;
   for (int c = 0; c < 3; c++) {
-    const double common =
-        std::min(from.high[c], at.high[c] + distance) - std::max(from.low[c], at.low[c] - distance);
-    fraction *= common < 0 ? 0 : std::min(1.0, (common + distance) / (from.high[c] - from.low[c] + distance));
+    const double common = std::min(from.high[c], at.high[c] + distance) -
+                          std::max(from.low[c], at.low[c] - distance),
+                 wide = from.high[c] - from.low[c] + distance;
+    near *= common < 0 ? 0 : std::min(wide, common + distance), all *= wide;
   }
-  return fraction;
+  return all > 0 ? near / all : 1;
 }
 // The cost of testing the candidates of a row of bins. Eight are tested at once, and a row begins and ends
 // anywhere, so half a vector is wasted on average.
@@ -168,36 +169,37 @@ double cheaper_cost(const Octaves& octaves, std::size_t a, std::size_t b, const 
 // coarse_to_fine: each coarser sphere that is near the level searches every row of bins near it. There a row
 // costs 4 tests, and a test 4 times as much as elsewhere. The finer ones search where that costs less than
 // half (detect/cuda/search/level_pairs.cu). `all`: those octaves as one; `density`: in bins of the size that
-// they need.
+// they need; `alone`: of each octave, in bins of its own.
 double level_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all,
-                  const BinDensity& density, CrossSearch cross_search) {
+                  const BinDensity& density, const double (&alone)[kMaxLevels], CrossSearch cross_search) {
   const bool up = cross_search == CrossSearch::fine_to_coarse;
   const double own_rows = up ? 12 : 25, finer_rows = 18, coarser_row = 4, coarser_test = 4,
-               size = all.need_max;
+               per_size = all.need_max > 0 ? 1 / all.need_max : 0;
+  const auto cube = [](double x) { return x * x * x; };
+  // Bins that a finer sphere searches along each axis.
+  const auto wide_for = [&](const Summary::Octave& o) {
+    return 2 + (per_size > 0 ? o.need_max * per_size : 1);
+  };
   double cost = 0;
   for (std::size_t k = a; k <= b; k++) {
-    const Summary::Octave& o = octaves[k];
-    const double wide = 2 + (!up        ? 1
-                             : size > 0 ? o.need_max / size
-                                        : 1),
-                 tests = density.of(a, b, k) * wide * wide * wide;
-    cost += static_cast<double>(o.count) * (own_rows + tests / 2);
+    const double tests = density.seen_by(k) * cube(up ? wide_for(octaves[k]) : 3);
+    cost += static_cast<double>(octaves[k].count) * (own_rows + tests / 2);
   }
-  for (std::size_t k = 0; k < a && up; k++) {
-    const Summary::Octave& o = octaves[k];
-    const double wide = 2 + (size > 0 ? o.need_max / size : 1);
-    cost += static_cast<double>(o.count) * (finer_rows + density.of(a, b, k) * wide * wide * wide);
-  }
+  for (std::size_t k = 0; k < a && up; k++)
+    cost += static_cast<double>(octaves[k].count) *
+            (finer_rows + density.seen_by(k) * cube(wide_for(octaves[k])));
   for (std::size_t k = b + 1; k < octaves.size() && !up; k++) {
     const Summary::Octave& o = octaves[k];
     double wide[3];  // bins along each axis within the search radius, of those that exist
     for (int c = 0; c < 3; c++)
-      wide[c] = size > 0 ? std::min(2 + 0.75 * o.need_max / size, 2 + bins_along(all, c, size)) : 3;
+      wide[c] = per_size > 0
+                    ? 2 + per_size * std::min(0.75 * o.need_max, all.high[c] - all.low[c] + all.need_max)
+                    : 3;
     const double reach = o.radius_max + all.radius_max,
                  by_coarse = static_cast<double>(o.count) * fraction_near(o, all, reach) * wide[1] * wide[2] *
-                             (coarser_row + coarser_test * density.of(a, b, k) * wide[0] / 2),
+                             (coarser_row + coarser_test * density.seen_by(k) * wide[0] / 2),
                  by_fine = static_cast<double>(all.count) * fraction_near(all, o, reach) *
-                           (finer_rows + 27 * density_of(o, o.need_max));
+                           (finer_rows + 27 * alone[k]);
     cost += std::min(by_coarse, 2 * by_fine);
   }
   return cost;
@@ -302,16 +304,18 @@ std::vector<std::size_t> choose_levels(const Octaves& octaves, std::uint64_t cou
                single = down ? -4 * static_cast<double>(count) : 0;
   double best[kMaxLevels + 1] = {};
   std::size_t from[kMaxLevels + 1] = {};
+  double alone[kMaxLevels];
+  for (std::size_t k = 0; k < n; k++) alone[k] = density_of(octaves[k], octaves[k].need_max);
   for (std::size_t b = 0; b < n; b++) {
     best[b + 1] = INFINITY;
-    const BinDensity density(octaves, b, probed);
+    BinDensity density(octaves, b, probed);
     Summary::Octave all;
     for (std::size_t a = b + 1; a-- > 0;) {
-      join(all, octaves[a]);
-      const double cost =
-          best[a] + level + (a == 0 && b + 1 == n ? single : 0) +
-          (cross_search == CrossSearch::cheaper ? cheaper_cost(octaves, a, b, all, probed)
-                                                : level_cost(octaves, a, b, all, density, cross_search));
+      join(all, octaves[a]), density.add(a);
+      const double cost = best[a] + level + (a == 0 && b + 1 == n ? single : 0) +
+                          (cross_search == CrossSearch::cheaper
+                               ? cheaper_cost(octaves, a, b, all, probed)
+                               : level_cost(octaves, a, b, all, density, alone, cross_search));
       if (cost < best[b + 1]) best[b + 1] = cost, from[b + 1] = a;
     }
   }

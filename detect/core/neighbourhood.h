@@ -48,10 +48,11 @@ PADDER_HD std::uint32_t targets_of(std::uint64_t spheres) {
   return some < Neighbourhood::kTargets ? static_cast<std::uint32_t>(some) : Neighbourhood::kTargets;
 }
 // The k-th of so many that are drawn: the input is cut into as many parts, and one sphere is taken from each,
-// anywhere, because the input may have an order of its own.
+// anywhere, because the input may have an order of its own. Fewer than `drawn` spheres at its end are in no
+// part.
 PADDER_HD std::uint32_t drawn_at(std::uint32_t k, std::uint32_t drawn, std::uint64_t spheres) {
-  const std::uint64_t begin = k * spheres / drawn, length = (k + 1) * spheres / drawn - begin;
-  return static_cast<std::uint32_t>(begin + mixed(begin) % length);
+  const std::uint32_t part = static_cast<std::uint32_t>(spheres) / drawn, begin = k * part;
+  return begin + static_cast<std::uint32_t>(((mixed(begin) >> 32) * part) >> 32);
 }
 
 // Host code. The groups of the octaves, which are known.
@@ -110,9 +111,9 @@ class ProbedDensity {
   double in_bin(std::size_t a, std::size_t b, std::size_t seen_by) const {
     if (!known_) return 0;
     const std::size_t at = std::max(b, seen_by);
-    const double found = upto_[seen_by][b][at] - (a ? upto_[seen_by][a - 1][at] : 0),
-                 sure = found - 2 * std::sqrt(found) - 2;
-    if (sure <= 0) return 0;
+    const double found = upto_[seen_by][b][at] - (a ? upto_[seen_by][a - 1][at] : 0);
+    if (found < 8) return 0;
+    const double sure = found - 2 * std::sqrt(found) - 2;
     const double wide = 3 * near_->groups.within[at] / near_->groups.within[b],
                  density = sure / near_->probes[seen_by] * weight_ / (wide * wide * wide);
     return density > crowded_ ? density : 0;

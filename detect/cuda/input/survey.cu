@@ -200,6 +200,7 @@ __global__ void __launch_bounds__(kProbes)
   for (std::uint32_t k = 0; k < some; k++) {
     const int distance = first_within(groups, chebyshev_distance(probe, target[k]));
     const bool near = has_probe && distance < n && target_number[k] != number;
+    if (!__any_sync(~0u, near)) continue;
     // Most lanes count the same: one adds for all of them.
     const int at = near ? n + (group * n + target_group[k]) * n + distance : -1;
     const std::uint32_t same = __match_any_sync(~0u, at);
