@@ -76,10 +76,11 @@ class SphereSearch {
   Recording<Plan> recording_;
   SpeculativeCall speculative_{0};
   Summary summary_;
-  bool rounded_ = false;  // summary_ is of doubles rounded to float
-  Grid grid_;             // that the next pass is to use
-  bool spread_ = false;   // levels are hashed, because spheres are too crowded in some part of a dense level
-  int crowding_ = 0;      // OrderRequest::crowding that the spheres asked for
+  bool rounded_ = false;     // summary_ is of doubles rounded to float
+  Grid grid_;                // that the next pass is to use
+  std::uint64_t calls_ = 0;  // in any order, whose grid could stay
+  bool spread_ = false;  // levels are hashed, because spheres are too crowded in some part of a dense level
+  int crowding_ = 0;     // OrderRequest::crowding that the spheres asked for
   std::uint64_t long_rows_ = 0;    // SearchOptions::long_rows that the spheres asked for
   std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
   bool planned_wide_ = false;
