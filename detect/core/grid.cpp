@@ -163,38 +163,41 @@ double cheaper_cost(const Octaves& octaves, std::size_t a, std::size_t b, const 
   return cost;
 }
 
-// The cost of making octaves a to b one level, in pair tests on a GPU, for the two fixed directions. In both,
-// the spheres of the level search half of their neighbourhood. fine_to_coarse: each finer sphere also
-// searches 2 to 3 bins of this level along each axis. Finding a row of bins costs as much as some pair tests.
-// coarse_to_fine: each coarser sphere that is near the level searches every row of bins near it. There a row
-// costs 4 tests, and a test 4 times as much as elsewhere. The finer ones search where that costs less than
-// half (detect/cuda/search/level_pairs.cu). `all`: those octaves as one; `density`: in bins of the size that
-// they need; `alone`: of each octave, in bins of its own.
-double level_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all,
-                  const BinDensity& density, const double (&alone)[kMaxLevels], CrossSearch cross_search) {
-  const bool up = cross_search == CrossSearch::fine_to_coarse;
-  const double own_rows = up ? 12 : 25, finer_rows = 18, coarser_row = 4, coarser_test = 4,
-               per_size = all.need_max > 0 ? 1 / all.need_max : 0;
-  const auto cube = [](double x) { return x * x * x; };
-  // Bins that a finer sphere searches along each axis.
-  const auto wide_for = [&](const Summary::Octave& o) {
-    return 2 + (per_size > 0 ? o.need_max * per_size : 1);
-  };
+// The cost of making octaves a to b one level, in pair tests on a GPU, for the two fixed directions: of the
+// search within the level, and of the search between it and others. Finding a row of bins costs as much as
+// some pair tests. `density`: in bins of the size that the level needs.
+//
+// The bins along each axis that a sphere of this octave, no coarser than the level, searches if all do so.
+double bins_searched(const Summary::Octave& o, double size) { return 2 + (size > 0 ? o.need_max / size : 1); }
+double cube(double x) { return x * x * x; }
+// The spheres of the level search half of their neighbourhood. It grows with b - a.
+double own_cost(const Octaves& octaves, std::size_t a, std::size_t b, const BinDensity& density, bool up) {
+  const double rows = up ? 12 : 25;
   double cost = 0;
   for (std::size_t k = a; k <= b; k++) {
-    const double tests = density.seen_by(k) * cube(up ? wide_for(octaves[k]) : 3);
-    cost += static_cast<double>(octaves[k].count) * (own_rows + tests / 2);
+    const double wide = up ? bins_searched(octaves[k], octaves[b].need_max) : 3;
+    cost += static_cast<double>(octaves[k].count) * (rows + density.seen_by(k) * cube(wide) / 2);
   }
+  return cost;
+}
+// fine_to_coarse (up): each finer sphere also searches 2 to 3 bins of this level along each axis.
+// coarse_to_fine: each coarser sphere that is near the level searches every row of bins near it. There a row
+// costs 4 tests, and a test 4 times as much as elsewhere. The finer ones search where that costs less than
+// half (detect/cuda/search/level_pairs.cu). `all`: the level's octaves as one; `alone`: the density of each
+// octave in bins of its own.
+double cross_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all,
+                  const BinDensity& density, const double (&alone)[kMaxLevels], bool up) {
+  const double finer_rows = 18, coarser_row = 4, coarser_test = 4, size = all.need_max,
+               per_size = size > 0 ? 1 / size : 0;
+  double cost = 0;
   for (std::size_t k = 0; k < a && up; k++)
     cost += static_cast<double>(octaves[k].count) *
-            (finer_rows + density.seen_by(k) * cube(wide_for(octaves[k])));
+            (finer_rows + density.seen_by(k) * cube(bins_searched(octaves[k], size)));
   for (std::size_t k = b + 1; k < octaves.size() && !up; k++) {
     const Summary::Octave& o = octaves[k];
     double wide[3];  // bins along each axis within the search radius, of those that exist
     for (int c = 0; c < 3; c++)
-      wide[c] = per_size > 0
-                    ? 2 + per_size * std::min(0.75 * o.need_max, all.high[c] - all.low[c] + all.need_max)
-                    : 3;
+      wide[c] = size > 0 ? 2 + per_size * std::min(0.75 * o.need_max, all.high[c] - all.low[c] + size) : 3;
     const double reach = o.radius_max + all.radius_max,
                  by_coarse = static_cast<double>(o.count) * fraction_near(o, all, reach) * wide[1] * wide[2] *
                              (coarser_row + coarser_test * density.seen_by(k) * wide[0] / 2),
@@ -312,10 +315,16 @@ std::vector<std::size_t> choose_levels(const Octaves& octaves, std::uint64_t cou
     Summary::Octave all;
     for (std::size_t a = b + 1; a-- > 0;) {
       join(all, octaves[a]), density.add(a);
-      const double cost = best[a] + level + (a == 0 && b + 1 == n ? single : 0) +
-                          (cross_search == CrossSearch::cheaper
-                               ? cheaper_cost(octaves, a, b, all, probed)
-                               : level_cost(octaves, a, b, all, density, alone, cross_search));
+      double cost;
+      if (cross_search == CrossSearch::cheaper) {
+        cost = cheaper_cost(octaves, a, b, all, probed);
+      } else {
+        cost = own_cost(octaves, a, b, density, !down);
+        // With still finer octaves the level would cost more by itself.
+        if (cost + single >= best[b + 1]) break;
+        cost += cross_cost(octaves, a, b, all, density, alone, !down);
+      }
+      cost += best[a] + level + (a == 0 && b + 1 == n ? single : 0);
       if (cost < best[b + 1]) best[b + 1] = cost, from[b + 1] = a;
     }
   }
