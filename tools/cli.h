@@ -43,6 +43,16 @@ inline void refuse_input(const std::filesystem::path& output, const char* option
       throw UsageError(output.string() + " is a file that this run reads: name another one with " + option);
 }
 
+// Throws UsageError where an option was given an empty text, as by a script whose variable is not set: to
+// take it for an option that was left out would lose what the work was done for.
+inline void refuse_empty(const CLI::App& app) {
+  for (const CLI::Option* option : app.get_options())
+    for (const std::string& text : option->results())
+      if (text.empty() && !option->get_positional())
+        throw UsageError(option->get_name() + " is empty: say what it is to be, or leave it out");
+  for (const CLI::App* sub : app.get_subcommands()) refuse_empty(*sub);
+}
+
 // The largest --threads. No machine has more; a hundred thousand stacks would end the program without a
 // message.
 inline constexpr int kMostThreads = 1024;
@@ -198,6 +208,7 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
   end_cleanly_on_signals(), end_with_a_sentence(name);
   std::signal(SIGXFSZ, SIG_IGN);  // then a write beyond the limit of file sizes fails with an error
   try {
+    refuse_empty(app);
     const int code = work();
     flush_results();
     return code;

@@ -72,6 +72,7 @@ class StreamFiles {
                     " as well), which do not fit into the standard output: name a file with -o");
     const std::string bytes = read_file(output_);
     std::cout.write(bytes.data(), std::streamsize(bytes.size()));
+    flush_results();  // while errno still says why it failed
   }
 
   // A sentence without the name of the temporary folder.

@@ -104,6 +104,9 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
     EXPECT_EQ(r.code, 2) << threads;
     EXPECT_NE(r.err.find("--threads"), std::string::npos) << r.err;
   }
+  const Outcome unset = run("dense.json --backend omp -o ''");
+  EXPECT_EQ(unset.code, 2);
+  EXPECT_EQ(unset.err, "detect: -o is empty: say what it is to be, or leave it out\n");
   EXPECT_EQ(run("dense.json --backend omp --threads 1024").code, 0);
   EXPECT_EQ(run("--help").code, 0);
   EXPECT_EQ(run("--version").out, "detect (padder) " PADDER_VERSION "\n");
@@ -202,9 +205,11 @@ TEST_F(DetectTool, AFullDiskIsASentence) {
     for (const auto& entry : fs::directory_iterator(folder_))
       EXPECT_FALSE(entry.path().filename().string().starts_with("c.")) << entry.path();
   }
-  if (fs::exists("/dev/full")) {
+  for (const char* option : {"--json", "-o - --format csv", "-o - --format npz"}) {
+    if (!fs::exists("/dev/full")) break;
     const int status = std::system(
-        ("cd " + folder_.string() + " && " PADDER_BIN "/detect dense.json --json >/dev/full 2>err").c_str());
+        ("cd " + folder_.string() + " && " PADDER_BIN "/detect dense.json -q " + option + " >/dev/full 2>err")
+            .c_str());
     EXPECT_EQ(WEXITSTATUS(status), 1);
     EXPECT_EQ(read_file(folder_ / "err"),
               "detect: cannot write to the standard output (No space left on device)\n");

@@ -209,8 +209,6 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   if (lists_parts(a)) return run_parts(a, settings_of(app));
   if (a.meshes.empty())
     throw UsageError("name a mesh, a folder of meshes, or --manifest FILE (see pad --help)");
-  for (const std::string& output : a.outputs)
-    if (output.empty()) throw UsageError("-o is empty: name a file or a folder, or leave it out");
   check_options(a);
   const auto refuse = [&](std::initializer_list<const char*> options, const std::string& why) {
     for (const char* option : options)
