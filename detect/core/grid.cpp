@@ -47,9 +47,8 @@ class BinDensity {
   BinDensity(const Octaves& octaves, std::size_t b, const ProbedDensity& probed)
       : probed_(probed), octaves_(octaves), b_(b), size_(octaves[b].need_max) {
     for (std::size_t k = 0; k < octaves.size(); k++)
-      for (int c = 0; c < 3; c++) {
+      for (int c = 0; c < 3; c++)
         wide_[k][c] = octaves[k].high[c] - octaves[k].low[c] + size_, per_wide_[k][c] = 1 / wide_[k][c];
-      }
   }
   // Adds an octave to the level: first b, and then always the next finer one.
   void add(std::size_t a) {
@@ -166,11 +165,13 @@ double cheaper_cost(const Octaves& octaves, std::size_t a, std::size_t b, const 
 // The cost of making octaves a to b one level, in pair tests on a GPU, for the two fixed directions: of the
 // search within the level, and of the search between it and others. Finding a row of bins costs as much as
 // some pair tests. `density`: in bins of the size that the level needs.
-//
-// The bins along each axis that a sphere of this octave, no coarser than the level, searches if all do so.
+
+// The bins along each axis that a sphere searches in a level with bins of this size. It is of the level, or
+// of a finer one.
 double bins_searched(const Summary::Octave& o, double size) { return 2 + (size > 0 ? o.need_max / size : 1); }
 double cube(double x) { return x * x * x; }
-// The spheres of the level search half of their neighbourhood. It grows with b - a.
+// The spheres of the level search half of their neighbourhood. Each finer octave in the level makes it
+// dearer.
 double own_cost(const Octaves& octaves, std::size_t a, std::size_t b, const BinDensity& density, bool up) {
   const double rows = up ? 12 : 25;
   double cost = 0;
@@ -314,14 +315,14 @@ std::vector<std::size_t> choose_levels(const Octaves& octaves, std::uint64_t cou
     BinDensity density(octaves, b, probed);
     Summary::Octave all;
     for (std::size_t a = b + 1; a-- > 0;) {
-      join(all, octaves[a]), density.add(a);
+      join(all, octaves[a]);
       double cost;
       if (cross_search == CrossSearch::cheaper) {
         cost = cheaper_cost(octaves, a, b, all, probed);
       } else {
+        density.add(a);
         cost = own_cost(octaves, a, b, density, !down);
-        // With still finer octaves the level would cost more by itself.
-        if (cost + single >= best[b + 1]) break;
+        if (cost + single >= best[b + 1]) break;  // the more so with still finer octaves
         cost += cross_cost(octaves, a, b, all, density, alone, !down);
       }
       cost += best[a] + level + (a == 0 && b + 1 == n ? single : 0);

@@ -111,9 +111,9 @@ class ProbedDensity {
   double in_bin(std::size_t a, std::size_t b, std::size_t seen_by) const {
     if (!known_) return 0;
     const std::size_t at = std::max(b, seen_by);
-    const double found = upto_[seen_by][b][at] - (a ? upto_[seen_by][a - 1][at] : 0);
-    if (found < 8) return 0;
-    const double sure = found - 2 * std::sqrt(found) - 2;
+    const double found = upto_[seen_by][b][at] - (a ? upto_[seen_by][a - 1][at] : 0),
+                 sure = found - 2 * std::sqrt(found) - 2;
+    if (sure <= 0) return 0;
     const double wide = 3 * near_->groups.within[at] / near_->groups.within[b],
                  density = sure / near_->probes[seen_by] * weight_ / (wide * wide * wide);
     return density > crowded_ ? density : 0;

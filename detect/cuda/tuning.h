@@ -25,6 +25,12 @@ inline constexpr int kCopyThreads = 8, kCopyBlocks = 2;
 // down.
 inline constexpr std::uint32_t kFewSpheres = 1u << 18;
 
+// In any order the host asks once in so many calls whether fewer bins would do, for which it plans all
+// levels. Row "in any order the host asks in each call" (part "levels"): in each call that took up to a third
+// of a small scene's. The larger it is, the longer a grid stays too large after spheres have drawn together.
+// Host.
+inline constexpr std::uint64_t kCallsOfGrid = 16;
+
 // Contacts for each sphere that the first list of few spheres has room for. A list that is made longer stops
 // the device: row "a list of few spheres that grows". The room is memory alone, on any chip.
 inline constexpr std::uint32_t kListOfFew = 4;

@@ -16,10 +16,6 @@ namespace {
 // A level has an array of at most so many bins for each sphere; beyond, it is hashed.
 constexpr double kBinsASphere = 8;
 
-// In any order it is asked once in so many calls whether fewer bins would do: to plan levels takes the host
-// as long as a tenth of a small scene's call.
-constexpr std::uint64_t kCallsOfGrid = 16;
-
 // A power of two, so that it seldom changes while spheres move. No |coordinate| is larger.
 double extent_of(const Summary& s) {
   int exponent = 0;
@@ -98,7 +94,7 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
   if (call.options.order == Order::stable) return best_grid(call, summary_, GridBounds::stepped) == grid_;
   const bool good = covers(grid_, summary_);
   const bool stays = good && covers(grid_, expected_next(previous, summary_));
-  if (stays && ++calls_ % kCallsOfGrid != 0) return true;
+  if (stays && ++calls_ % tuning::kCallsOfGrid != 0) return true;
   const Grid best = best_grid(call, summary_, GridBounds::wide);
   if (!stays || best.buckets * std::uint64_t(2) + 4096 < grid_.buckets) grid_ = best;
   return good;

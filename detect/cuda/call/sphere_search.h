@@ -78,7 +78,7 @@ class SphereSearch {
   Summary summary_;
   bool rounded_ = false;     // summary_ is of doubles rounded to float
   Grid grid_;                // that the next pass is to use
-  std::uint64_t calls_ = 0;  // in any order, whose grid could stay
+  std::uint64_t calls_ = 0;  // in any order, after which the grid could stay
   bool spread_ = false;  // levels are hashed, because spheres are too crowded in some part of a dense level
   int crowding_ = 0;     // OrderRequest::crowding that the spheres asked for
   std::uint64_t long_rows_ = 0;    // SearchOptions::long_rows that the spheres asked for
