@@ -35,14 +35,6 @@ struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Throws UsageError if `output`, given with `option`, is one of the files that are read.
-inline void refuse_input(const std::filesystem::path& output, const char* option,
-                         const std::vector<std::filesystem::path>& inputs) {
-  for (const std::filesystem::path& input : inputs)
-    if (std::error_code code; !output.empty() && std::filesystem::equivalent(output, input, code))
-      throw UsageError(output.string() + " is a file that this run reads: name another one with " + option);
-}
-
 // Throws UsageError where an option was given an empty text, as by a script whose variable is not set: to
 // take it for an option that was left out would lose what the work was done for.
 inline void refuse_empty(const CLI::App& app) {

@@ -128,6 +128,34 @@ class ManifestTest(unittest.TestCase):
         for shard in ("1/2", "2/2"):
             self.assertEqual(self.run_json(*words, "--shard", shard)["made"], 0)
 
+    def test_no_result_takes_the_place_of_an_input_or_of_another_result(self):
+        data = pathlib.Path(__file__).resolve().parent.parent / "data"
+        shutil.copytree(data / "robot", self.folder / "robot")
+        arm = "robot/arm_description/arm.urdf"
+        for name in ("x.obj", "y/x.obj", "parts/a.obj", "parts/s/b.obj"):
+            self.put(name)
+        self.put("parts/list.csv", "a.obj -o list.csv\n"), self.put("parts/over", "a.obj -o s/b.obj\ns/b.obj\n")
+        self.put("two", f"x.obj\n{arm} --format obj -o x.obj\n"), self.put("mesh", f"{arm} -o robot/arm_description/meshes/fore.stl\n")
+        (self.folder / "link").symlink_to("parts")
+        before = {name: (self.folder / name).read_bytes() for name in files(self.folder)}
+        read, both = "is a file that this run reads", "would both write"
+        for words, sentence in (
+                (["parts", "-o", "parts", "--format", "obj"], read), (["parts", "-o", "new/../parts", "--format", "obj"], read),
+                (["parts/*.obj", "-o", "link", "--format", "obj"], read), ([".", "-o", ".", "--format", "obj"], read),
+                (["parts", "-o", "link", "--format", "obj"], read), (["--manifest", "parts/over", "-o", "parts"], read),
+                (["--manifest", "parts/list.csv", "-o", "parts"], read), (["--manifest", "two", "-o", "."], read),
+                (["--manifest", "mesh", "-o", "."], read),
+                (["x.obj", "-o", "x.obj"], read), (["x.obj", "-o", "new/../x.obj"], read),
+                (["x.obj", "--write-mesh", "new/../x.obj"], read), (["x.obj", "-o", "a.vtp", "-o", "new/../x.obj"], read),
+                (["x.obj", "-o", "a.vtp", "-o", "new/../a.vtp"], both), (["x.obj", "-o", "a.obj", "--write-mesh", "./a.obj"], both),
+                (["x.obj", "y/x.obj"], both), (["x.obj", "y/x.obj", "-o", "out/"], both),
+                ([arm, "-o", "robot/arm_description/meshes/fore.stl"], read), ([arm, "robot/../" + arm, "-o", "out/"], both)):
+            with self.subTest(words):
+                done = self.run_pad(*words, *QUICK[:2], code=2)
+                self.assertIn(sentence, done.stderr)
+                self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+                self.assertEqual({name: (self.folder / name).read_bytes() for name in files(self.folder)}, before)
+
     def test_further_inputs_count(self):
         data = pathlib.Path(__file__).resolve().parent.parent / "data"
         shutil.copytree(data / "robot", self.folder / "robot")

@@ -12,6 +12,7 @@
 #include "tools/arguments.h"
 #include "tools/detect/arguments.h"
 #include "tools/json_output.h"
+#include "tools/run_files.h"
 #include "tools/streams.h"
 
 namespace padder::tool {
@@ -279,7 +280,9 @@ Scene read_input(const Arguments& a, LooseAs loose) {
       padder::cli::is_stream(a.scene)
           ? scene_or_cluster_from_json(padder::cli::read_stdin(), "the standard input", ".", a.copies, loose)
           : read_scene_or_cluster(a.scene, a.copies, loose);
-  padder::cli::refuse_input(a.output, "-o", scene.files);
+  padder::cli::RunFiles files;
+  for (const std::filesystem::path& file : scene.files) files.reads(file);
+  if (!a.output.empty()) files.writes(a.output, "-o", "name another one with -o");
   return scene;
 }
 

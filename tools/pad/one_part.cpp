@@ -6,6 +6,7 @@
 #include <set>
 
 #include "padding/import/import.h"
+#include "padding/input/read_internal.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/view/page.h"
@@ -90,11 +91,14 @@ void make_folder_of(const fs::path& file) {
 
 // What --preview names, or NAME.png in its folder.
 fs::path preview_file(const PadArguments& a, const std::string& input) {
-  if (a.preview.empty()) return {};
-  fs::path path = a.preview;
-  if (is_folder(a.preview)) path /= fs::path(input).stem().string() + ".png";
-  make_folder_of(path);
-  return path;
+  if (a.preview.empty() || !is_folder(a.preview)) return a.preview;
+  return fs::path(a.preview) / (fs::path(input).stem().string() + ".png");
+}
+
+Urdf read_links(const std::string& file, const PadArguments& a) {
+  UrdfOptions reading = a.robot.reading;
+  reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
+  return read_robot(file, reading);
 }
 
 Json pad_urdf(const PadArguments& a, const std::string& file, const PadTarget& goal,
@@ -137,9 +141,46 @@ Json convert(const PadArguments& a, const std::string& file, const PadTarget& go
 
 }  // namespace
 
+std::vector<fs::path> further_inputs(const std::string& file, const PadArguments& a) {
+  if (file.ends_with(".gltf")) return reading::files_beside_gltf(file);
+  std::vector<fs::path> files;
+  if (!is_robot(file)) return files;
+  for (const UrdfLink& link : read_links(file, a).links)
+    for (const UrdfShape& shape : link.shapes)
+      if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);
+  return files;
+}
+
+void note_inputs(const PadArguments& a, const std::string& file, cli::RunFiles& files) {
+  files.reads(file);
+  try {
+    for (const fs::path& further : further_inputs(file, a)) files.reads(further);
+  } catch (const Error&) {
+  }
+}
+
+void note_outputs(const PadArguments& a, const std::string& file, const PadTarget& target,
+                  cli::RunFiles& files) {
+  const bool several = a.meshes.size() > 1;
+  const auto write = [&](const fs::path& path, const char* option) {
+    files.writes(path, several || !*option ? file : option + path.string(),
+                 several ? "pad them one by one, each with its own -o" : "name another file");
+  };
+  write(target.first.path, a.outputs.empty() ? "" : "-o ");
+  for (const OutputFile& more : target.more) write(more.path, "-o ");
+  if (!target.mesh.empty()) write(target.mesh, "--write-mesh ");
+  if (!a.preview.empty()) write(preview_file(a, file), "--preview ");
+  if (!target.in_folder || !is_robot(file)) return;
+  try {
+    for (const UrdfLink& link : read_links(file, a).links)
+      if (!link.shapes.empty()) write(link_file(target.first.path.parent_path(), link.name), "");
+  } catch (const Error&) {  // its reader says so
+  }
+}
+
 Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& target,
              const PadProgress& progress, const std::function<void()>& done) {
-  make_folder_of(target.first.path);
+  make_folder_of(target.first.path), make_folder_of(preview_file(a, file));
   if (is_robot(file)) return pad_urdf(a, file, target, progress, done);
   if (is_sphere_file(file)) return convert(a, file, target, done);
   const Padded padded = pad_file(file, {a.scale, a.unit}, a.options, progress);

@@ -11,6 +11,7 @@
 #include "padding/pad.h"
 #include "tools/pad/arguments.h"
 #include "tools/pad/robot.h"
+#include "tools/run_files.h"
 
 namespace padder {
 
@@ -45,6 +46,19 @@ const Format* format_of(const PadArguments& a, const std::string& mesh);
 
 // NAME.spheres.json, or with the ending of the format.
 std::string output_name(const std::string& mesh, const Format* format);
+
+// The files that `file` refers to and that its shape depends on: buffers of a .gltf, meshes of a robot.
+// Throws Error where the file cannot be read.
+std::vector<std::filesystem::path> further_inputs(const std::string& file, const PadArguments& a);
+
+// Notes in `files` that the run reads `file` and what it refers to. A file that cannot be read is not
+// complained about here.
+void note_inputs(const PadArguments& a, const std::string& file, cli::RunFiles& files);
+
+// Notes what the target of `file` writes. Throws cli::UsageError, with the remedy, where the run reads a file
+// of that name or writes it already.
+void note_outputs(const PadArguments& a, const std::string& file, const PadTarget& target,
+                  cli::RunFiles& files);
 
 // Pads or converts `file`, writes its files, and returns the report. `done` is called before anything is
 // printed, and nothing is printed with a.json or a.quiet. Makes the folder of the output where it is absent.

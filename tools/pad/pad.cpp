@@ -46,12 +46,6 @@ fs::path surface_file(const PadArguments& a, const std::string& mesh) {
         "--write-mesh must name a folder when there are several meshes: make it, or end it with /");
   if (!can_write_mesh(a.write_mesh))
     throw UsageError("--write-mesh must name a file that ends in .obj, .off, .ply or .stl, or a folder");
-  for (const std::string& output : a.outputs)
-    if (fs::path(output).lexically_normal() == fs::path(a.write_mesh).lexically_normal())
-      throw UsageError("--write-mesh and -o name one file: name two");
-  std::error_code code;
-  if (fs::equivalent(a.write_mesh, mesh, code))
-    throw UsageError("--write-mesh would write over " + mesh + ": name another file");
   return a.write_mesh;
 }
 
@@ -62,8 +56,6 @@ std::vector<OutputFile> further_outputs(const PadArguments& a) {
     const std::string& path = a.outputs[k];
     if (a.meshes.size() > 1 || is_folder(a.outputs[0]) || is_folder(path))
       throw UsageError("several -o are files, and for one input: end each with the ending of its format");
-    if (std::count(a.outputs.begin(), a.outputs.end(), path) > 1)
-      throw UsageError("-o " + path + " is given twice: give it once");
     const bool own = path.ends_with(".json");
     if (own && is_robot(a.meshes[0]))
       throw UsageError("a robot has several links and a .spheres.json is one body: -o a folder for these");
@@ -72,20 +64,19 @@ std::vector<OutputFile> further_outputs(const PadArguments& a) {
     } catch (const Error& e) {
       throw UsageError(e.what());
     }
-    if (std::error_code code; fs::equivalent(path, a.meshes[0], code))
-      throw UsageError(path + " is the input itself: name another file with -o");
   }
   return out;
 }
 
-// No two meshes may write the same file.
+// Where the results go: no two to one file, and none over what the run reads.
 std::vector<PadTarget> targets(const PadArguments& a, const std::map<std::string, std::string>& given) {
   const std::string output = a.output();
   const bool folder = is_folder(output) && a.format != "mercury";
   if (a.meshes.size() > 1 && !output.empty() && !folder)
     throw UsageError("-o must name a folder when there are several meshes: make it, or end it with /");
   std::vector<PadTarget> out;
-  std::map<fs::path, std::string> owner;
+  cli::RunFiles files;
+  for (const auto& mesh : a.meshes) note_inputs(a, mesh, files);
   for (const auto& mesh : a.meshes) {
     if (mesh == "%")
       throw UsageError("a % stands alone: write a share of the diagonal as one word, as in --tolerance 5%");
@@ -101,12 +92,7 @@ std::vector<PadTarget> targets(const PadArguments& a, const std::map<std::string
     else if (!output.empty())
       path = output;
     t.first = {path, format};
-    if (std::error_code code; fs::equivalent(path, mesh, code))
-      throw UsageError(path.string() + " is the input itself: name another file with -o");
-    const auto [it, fresh] = owner.emplace(path, mesh);
-    if (!fresh)
-      throw UsageError(mesh + " and " + it->second + " would both write " + path.string() +
-                       ": pad them one by one with -o");
+    note_outputs(a, mesh, t, files);
     out.push_back(t);
   }
   if (!a.preview.empty() && !is_folder(a.preview) && (a.meshes.size() > 1 || !is_preview(a.preview)))

@@ -93,6 +93,12 @@ std::vector<OutputFile> in_writing_order(std::vector<OutputFile> files) {
 
 }  // namespace
 
+std::filesystem::path link_file(const std::filesystem::path& folder, const std::string& link) {
+  std::string file = link;
+  std::replace(file.begin(), file.end(), '/', '_');
+  return folder / (file + ".spheres.json");
+}
+
 Json run_robot(const RobotJob& job, const RobotProgress& progress) {
   check_job(job);
   const PaddedRobot robot = pad_robot(job.urdf, job.options, job.whole, progress);
@@ -107,11 +113,7 @@ Json run_robot(const RobotJob& job, const RobotProgress& progress) {
   for (std::size_t k = 0; k < robot.model.bodies.size(); k++) {
     const Cluster& c = robot.model.bodies[k].cluster;
     if (c.size() == 0) continue;
-    if (job.clusters) {
-      std::string file = c.name;
-      std::replace(file.begin(), file.end(), '/', '_');
-      write_cluster(c, job.outputs[0].path.parent_path() / (file + ".spheres.json"));
-    }
+    if (job.clusters) write_cluster(c, link_file(job.outputs[0].path.parent_path(), c.name));
     const bool kept = robot.kept[k] != 0;  // nothing was padded, so that there is nothing to measure against
     links.push_back(
         {{"link", c.name},

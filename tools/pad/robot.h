@@ -30,6 +30,9 @@ struct RobotJob {
   std::map<std::string, double> joints;  // where they stand in it, in radians or metres; 0 where not named
 };
 
+// Where the spheres of a link go that have a file of their own.
+std::filesystem::path link_file(const std::filesystem::path& folder, const std::string& link);
+
 // Pads, writes, and reports: input, output, spheres, and for each link its spheres, family, mask, errors and
 // seconds.
 nlohmann::ordered_json run_robot(const RobotJob& job, const RobotProgress& progress);

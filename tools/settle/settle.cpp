@@ -11,10 +11,12 @@
 #include "tools/cli.h"
 #include "tools/json_output.h"
 #include "tools/progress_bar.h"
+#include "tools/run_files.h"
 #include "tools/settle/files.h"
 #include "tools/settle/make_scene.h"
 #include "tools/settle/page/page.h"
 #include "tools/settle/read_scene.h"
+#include "tools/streams.h"
 
 namespace {
 
@@ -27,6 +29,7 @@ using padder::settle::Stepper;
 using padder::settle::Watch;
 
 constexpr std::uint64_t kMostSteps = 1'000'000'000'000'000;
+constexpr std::uint64_t kMostFrames = 1'000'000;
 
 struct Arguments {
   std::string scene, output, checkpoint, resume, make, cluster, backend = "auto", lod = "0";
@@ -39,17 +42,18 @@ struct Arguments {
 
 void declare(CLI::App& app, Arguments& a) {
   using padder::cli::whole;
-  app.add_option("SCENE", a.scene, "a scene (.json) with an object \"settle\": docs/detector/settle.md")
+  app.add_option("SCENE", a.scene,
+                 "a scene (.json) with an object \"settle\": docs/detector/settle.md; - reads it from stdin")
       ->check(padder::cli::no_mesh());
   app.add_option("-o", a.output,
                  "frames: .html for a page that plays, .npz or .vtp for NAME_0000 and so on; with --make the "
-                 "scene")
+                 "scene (.json); - writes a page to stdout")
       ->type_name("FILE");
   app.add_option("--frames", a.frames,
                  "how many frames (default: 100 for a page, fewer where it would be above 30 MB; else the "
                  "last state alone)")
       ->check(whole())
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(std::uint64_t(1), kMostFrames))
       ->type_name("N");
   app.add_option("--steps", a.steps, "steps to take (default: the scene's duration)")
       ->check(whole())
@@ -101,11 +105,20 @@ void declare(CLI::App& app, Arguments& a) {
   app.set_version_flag("--version", "settle (padder) " PADDER_VERSION);
 }
 
-void check(const Arguments& a) {
+void check(const Arguments& a, const CLI::App& app) {
+  const auto refuse = [&](std::initializer_list<const char*> options, const char* why) {
+    for (const char* option : options)
+      if (app.count(option) > 0) throw UsageError(option + std::string(why));
+  };
   const std::string ending = fs::path(a.output).extension().string();
+  if (a.make.empty()) refuse({"--count", "--cluster", "--seed"}, " is for --make: leave it out");
+  if (a.output.empty()) refuse({"--frames"}, " counts what -o writes: name a file with -o");
   if (!a.make.empty()) {
     if (!a.scene.empty()) throw UsageError("--make makes the scene: leave " + a.scene + " out");
-    if (ending == ".json") return;
+    if (ending == ".json")
+      return refuse({"--steps", "--frames", "--until-rest", "--checkpoint", "--resume", "--skin", "--lod",
+                     "--backend", "--threads"},
+                    " is for settling, and -o FILE.json writes the scene alone: leave it out");
     if (a.output.empty())
       throw UsageError("--make: name with -o what to write: FILE.json for the scene, FILE.html to settle it");
   } else if (a.scene.empty()) {
@@ -257,13 +270,18 @@ std::string made_scene(const Arguments& a, const fs::path& folder) {
 
 // Nothing that the run reads is overwritten by what it writes. A checkpoint may take the place of that which
 // is resumed.
-void keep_inputs(const Arguments& a, std::vector<fs::path> inputs, const Frames& frames,
+void keep_inputs(const Arguments& a, const std::vector<fs::path>& inputs, const Frames& frames,
                  std::uint64_t wanted) {
-  padder::cli::refuse_input(a.checkpoint, "--checkpoint", inputs);
-  if (!a.resume.empty()) inputs.push_back(a.resume);
-  if (a.output.empty() || frames.page()) return padder::cli::refuse_input(a.output, "-o", inputs);
-  for (std::uint64_t k = 0; k < wanted; k++)
-    padder::cli::refuse_input(padder::settle::frame_path(a.output, k), "-o", inputs);
+  padder::cli::RunFiles files;
+  for (const fs::path& input : inputs) files.reads(input);
+  const auto write = [&](const fs::path& file, const char* option) {
+    files.writes(file, option, std::string("name another one with ") + option);
+  };
+  if (!a.checkpoint.empty()) write(a.checkpoint, "--checkpoint");
+  if (!a.resume.empty()) files.reads(a.resume);
+  if (a.output.empty()) return;
+  if (frames.page()) return write(a.output, "-o");
+  for (std::uint64_t k = 0; k < wanted; k++) write(padder::settle::frame_path(a.output, k), "-o");
 }
 
 int settle(const Arguments& a) {
@@ -271,8 +289,10 @@ int settle(const Arguments& a) {
   bar.tell_between_calls(), bar.show(0, "reading the scene");
   const detect::RungRule rule = detect::rung_rule(a.lod);
   padder::settle::SettleScene scene =
-      a.make.empty() ? padder::settle::read_settle_scene(a.scene, rule)
-                     : padder::settle::settle_scene_from_json(made_scene(a, "."), a.make, ".", rule);
+      !a.make.empty() ? padder::settle::settle_scene_from_json(made_scene(a, "."), a.make, ".", rule)
+      : padder::cli::is_stream(a.scene)
+          ? padder::settle::settle_scene_from_json(padder::cli::read_stdin(), "the standard input", ".", rule)
+          : padder::settle::read_settle_scene(a.scene, rule);
   if (!a.quiet) padder::cli::tell_fewer_levels("settle", a.lod, scene.rungs.fewer);
   using detect::BackendKind;
   const BackendKind backend = a.backend == "omp"    ? BackendKind::omp
@@ -285,12 +305,12 @@ int settle(const Arguments& a) {
     throw padder::Error("the duration is more than 10^15 steps long: give --steps");
   const std::uint64_t last = a.steps ? stepper.steps() + *a.steps : static_cast<std::uint64_t>(whole);
   Frames frames(a, scene);
-  const std::uint64_t wanted = a.frames ? a.frames
-                               : frames.page()
-                                   ? padder::settle::Movie::usual_frames(stepper.system().spheres())
-                                   : 1;
-  keep_inputs(a, scene.files, frames, wanted);
   const std::uint64_t left = last > stepper.steps() ? last - stepper.steps() : 0;
+  const std::uint64_t wanted =
+      std::min(left + 1, a.frames        ? a.frames
+                         : frames.page() ? padder::settle::Movie::usual_frames(stepper.system().spheres())
+                                         : 1);
+  keep_inputs(a, scene.files, frames, wanted);
   const std::uint64_t intervals = wanted > 1 ? wanted - 1 : 1;  // between frames
   // A look at the energies at least every hundredth of the run.
   const std::uint64_t between = std::max<std::uint64_t>(1, left / std::max<std::uint64_t>(intervals, 100));
@@ -326,10 +346,21 @@ int settle(const Arguments& a) {
   return 0;
 }
 
-int run(const Arguments& a) {
-  check(a);
-  if (a.make.empty() || fs::path(a.output).extension() != ".json") return settle(a);
-  padder::cli::refuse_input(a.output, "-o", {a.cluster});
+int run(Arguments& a, const CLI::App& app) {
+  padder::cli::StreamFiles streams;
+  if (padder::cli::is_stream(a.output)) {
+    if (a.json) throw UsageError("-o - writes a page to stdout, where --json prints: leave one of them out");
+    a.output = streams.output("stdout.html"), a.quiet = true;
+  }
+  check(a, app);
+  if (a.make.empty() || fs::path(a.output).extension() != ".json") {
+    const int code = settle(a);
+    streams.deliver();
+    return code;
+  }
+  padder::cli::RunFiles files;
+  if (!a.cluster.empty()) files.reads(a.cluster);
+  files.writes(a.output, "-o", "name another one with -o");
   padder::write_file(a.output, made_scene(a, fs::path(a.output).parent_path()));
   if (a.json)
     padder::cli::print_json({{"scene", a.make}, {"output", a.output}, {"count", a.count}, {"seed", a.seed}});
@@ -353,7 +384,7 @@ int main(int argc, char** argv) {
   Arguments arguments;
   declare(app, arguments);
   return padder::cli::run(
-      app, argc, argv, [&] { return run(arguments); },
+      app, argc, argv, [&] { return run(arguments, app); },
       [&](const std::string& error) {
         if (arguments.json) padder::cli::print_failure(arguments.scene, error);
       });

@@ -218,6 +218,21 @@ with tempfile.TemporaryDirectory() as folder:
     refused(read, "again.json", "-o", "again.html", code=2)
     assert open("again_0000.npz", "rb").read() == before
 
+    refused("would both write", "again.json", "-o", "new.npz", "--checkpoint", "./new_0000.npz", code=2)
+    assert report("ball.json", "--steps", 2, "-o", "few.npz", "--frames", 1000000)["frames"] == 3
+
+    # - is stdin, and of a page stdout.
+    with open("ball.json") as stdin:
+        piped = subprocess.run([os.path.join(BIN, "settle"), "-", "--steps", "2", "-o", "-"], stdin=stdin, capture_output=True, text=True)
+    assert piped.returncode == 0 and piped.stdout.startswith("<!doctype html>") and piped.stderr == "", piped.stderr
+    refused("where --json prints", "ball.json", "-o", "-", "--json", code=2)
+
+    # No option is passed over.
+    refused("--seed is for --make", "ball.json", "--seed", 2, code=2)
+    refused("--frames counts what -o writes", "ball.json", "--frames", 2, code=2)
+    refused("--steps is for settling", "--make", "silo", "-o", "silo.json", "--steps", 2, code=2)
+    refused("--frames", "ball.json", "-o", "few.npz", "--frames", 1000001, code=2)
+
     # What is wrong is said in one sentence.
     pills = scene_of(bodies=[{"body": 0, "velocity": [0, 0, 0.01], "driven": True}])
     pills["spheres"][0].update(family=[1, 2], mask=3)

@@ -99,7 +99,16 @@ class List {
 
   void add_file(const std::string& mesh) { add(mesh, fs::path(mesh).filename().string(), common_, mesh); }
 
-  std::vector<Part> take() { return std::move(parts_); }
+  // Throws UsageError if two parts would write one file, or one a file that is read.
+  std::vector<Part> take() {
+    cli::RunFiles files;
+    if (!a_.manifest.empty()) files.reads(a_.manifest);
+    for (const Part& part : parts_) note_inputs(part.settings->arguments, part.mesh, files);
+    for (std::size_t k = 0; k < parts_.size(); k++)
+      files.writes(fs::path(a_.output()) / parts_[k].output, where_[k],
+                   "give -o another folder, or list the parts in a manifest, each with its own -o");
+    return std::move(parts_);
+  }
 
  private:
   void add_line(const std::string& line, const fs::path& folder, const std::string& where) {
@@ -155,18 +164,14 @@ class List {
     if (output.is_absolute() || *output.begin() == ".." || !output.has_filename())
       throw UsageError(where + ": its output " + output.string() +
                        " is no file below the output folder: give the line -o with a name below it");
-    const auto [it, fresh] = owner_.emplace(output.string(), where);
-    if (!fresh)
-      throw UsageError(where + " and " + it->second + " would both write " + output.string() +
-                       ": list them in a manifest, and give one of them -o");
-    parts_.push_back({mesh, output.generic_string(), std::move(settings)});
+    parts_.push_back({mesh, output.generic_string(), std::move(settings)}), where_.push_back(where);
   }
 
   const PadArguments& a_;
   std::shared_ptr<const PartSettings> common_;
   std::unordered_map<std::string, std::shared_ptr<const PartSettings>> known_;
-  std::unordered_map<std::string, std::string> owner_;  // output to where it is listed
   std::vector<Part> parts_;
+  std::vector<std::string> where_;  // each is listed
 };
 
 }  // namespace

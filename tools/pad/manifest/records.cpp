@@ -13,8 +13,6 @@
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
 #include "padding/input/read_internal.h"
-#include "padding/mjcf/mjcf.h"
-#include "tools/pad/one_part.h"
 
 namespace padder {
 
@@ -63,19 +61,6 @@ std::string key_of(const Part& part, const std::string& sha256_of_mesh) {
                         {"sha256", sha256_of_mesh},
                         {"settings", part.settings->given}};
   return sha256(made_of.dump(-1, ' ', false, kReplace));
-}
-
-std::vector<fs::path> further_inputs(const Part& part) {
-  if (part.mesh.ends_with(".gltf")) return reading::files_beside_gltf(part.mesh);
-  std::vector<fs::path> files;
-  if (!is_robot(part.mesh)) return files;
-  const PadArguments& a = part.settings->arguments;
-  UrdfOptions reading = a.robot.reading;
-  reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
-  for (const UrdfLink& link : read_robot(part.mesh, reading).links)
-    for (const UrdfShape& shape : link.shapes)
-      if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);
-  return files;
 }
 
 bool is_current(const Record& record, const Part& part, const fs::path& folder) try {

@@ -40,10 +40,6 @@ Record record_of(const nlohmann::ordered_json& json);  // throws nlohmann's exce
 // version.
 std::string key_of(const Part& part, const std::string& sha256_of_mesh);
 
-// The files that the part's mesh refers to and that its shape depends on: buffers of a .gltf, meshes of a
-// .urdf. Throws Error where the file cannot be read.
-std::vector<std::filesystem::path> further_inputs(const Part& part);
-
 // Is the asset that `record` tells of still there, and made of what `part` would be made of now? Reads the
 // inputs and the asset.
 bool is_current(const Record& record, const Part& part, const std::filesystem::path& folder);

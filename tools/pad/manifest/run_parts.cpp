@@ -43,13 +43,13 @@ std::string pad_part(const Part& part, const fs::path& folder, int threads) {
   Record r = record_for(part);
   bool disk = false;
   try {
+    const PadArguments& a = part.settings->arguments;
     // The content before it is read: if it changes meanwhile, the next run notices.
     const std::string content = sha256_of_file(part.mesh);
     r.key = key_of(part, content);
     r.inputs.push_back({part.mesh, content});
-    for (const fs::path& file : further_inputs(part))
+    for (const fs::path& file : further_inputs(part.mesh, a))
       r.inputs.push_back({file.string(), sha256_of_file(file)});
-    const PadArguments& a = part.settings->arguments;
     PadTarget target;
     target.first.path = folder / part.output;
     PadArguments named = a;
