@@ -26,16 +26,18 @@ class Work {
   Contacts detect(const Input& input, const CallOptions& given) {
     CallOptions options = given;
     const ProfileRange range("padder: detect");
-    const auto bodies_first_wanted = [&] {
-      return options.path == Path::grid &&
-             (options.bodies == Bodies::first || (options.bodies == Bodies::automatic && automatic_first_));
+    const bool may_go_first = options.path == Path::grid && options.bodies != Bodies::expanded;
+    const auto goes_first = [&] {
+      return may_go_first && (options.bodies == Bodies::first || automatic_first_);
     };
-    const bool known = bodies_.knows(input) && bodies_first_wanted();
+    const bool known = bodies_.knows(input) && goes_first();
     check_input(input, true, known || worlds_.knows(input));
     const bool worlds =
         options.path == Path::grid && (loose_have_worlds(input) || (!known && have_worlds(input)));
-    if (!known && !worlds) automatic_first_ = bodies_first(input, {}, sphere_count(input), tuning::kBallCost);
-    const bool first = !worlds && bodies_first_wanted();
+    if (input.revision != decided_) decided_ = 0;
+    if (may_go_first && !known && !worlds && decided_ == 0)
+      automatic_first_ = first_is_faster(input, options), decided_ = input.revision;
+    const bool first = !worlds && goes_first();
     // Most pairs then stay near their place. The search of spheres sees to that itself.
     if (options.history && (worlds || first)) options.order = Order::stable;
     const Call call = begin(input, options);
@@ -67,7 +69,7 @@ class Work {
     const ProfileRange range("padder: detect worlds");
     check_input(input, true, worlds_.knows(input));
     const Call call = begin(input, options);
-    bodies_.forget();
+    bodies_.forget(), decided_ = 0;
     last_count_ = 0;
     const WorldAnswers answers = worlds_.answer(input, options, worlds, answer, call.processors, call.stream);
     running_ = false;
@@ -77,7 +79,7 @@ class Work {
   Arrays stages(const Input& input, const CallOptions& options) {
     check_input(input, true);
     const Call call = begin(input, options);
-    bodies_.forget(), worlds_.forget();
+    bodies_.forget(), worlds_.forget(), decided_ = 0;
     const DeviceSpheres source = read(call);
     if (source.count == 0) return {};
     Contacts c;
@@ -96,7 +98,7 @@ class Work {
     if (running_) cudaStreamSynchronize(stream_);
     cudaGetLastError();
     running_ = false;
-    bodies_.forget(), spheres_.forget();
+    bodies_.forget(), spheres_.forget(), decided_ = 0;
     worlds_.forget();
     last_count_ = 0;
   }
@@ -139,6 +141,22 @@ class Work {
     book_.roomy = options.memory_limit == 0 && !(options.own == Region{});
     check_memory(input);
     return {input, options, stream_, side_, processors, clock_, list_, options.history ? &history_ : nullptr};
+  }
+  bool first_is_faster(const Input& input, const CallOptions& options) {
+    Input seen = input;
+    std::vector<Pose> poses;
+    if (input.poses && input.pose_memory == Memory::device) {
+      check_memory(input);
+      poses.resize(input.bodies.size());
+      const auto stream = static_cast<cudaStream_t>(options.stream);
+      cuda_check(cudaMemcpyAsync(poses.data(), input.poses, poses.size() * sizeof(Pose),
+                                 cudaMemcpyDeviceToHost, stream),
+                 "read the poses");
+      cuda_check(cudaStreamSynchronize(stream), "read the poses");
+      seen.poses = poses.data(), seen.pose_memory = Memory::host;
+    }
+    return bodies_first(seen, options.margin, sphere_count(input),
+                        input.revision == 0 ? tuning::kNewBodies : tuning::kKnownBodies, bodies_.pieces());
   }
   // Asks where arrays lie that were not there in the previous call.
   void check_memory(const Input& input) {
@@ -212,7 +230,10 @@ class Work {
   SphereSearch spheres_{book_};
   BodySearch bodies_{book_};
   WorldSearch worlds_{book_};
-  bool automatic_first_ = false;  // what Bodies::automatic means for the last input that was not known
+  // What Bodies::automatic means for the revision `decided_` (0: for no other call). It was decided by the
+  // poses of the first call.
+  bool automatic_first_ = false;
+  std::uint64_t decided_ = 0;
   std::optional<Stages> stages_;
   ContactList list_{book_};
   History history_{book_};

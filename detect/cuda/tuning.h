@@ -6,6 +6,8 @@
 #pragma once
 #include <cstdint>
 
+#include "detect/core/bodies/body_choice.h"
+
 namespace padder::detect::cuda::tuning {
 
 // ---- Host memory ----
@@ -79,10 +81,10 @@ inline constexpr std::uint32_t kNumbersOfEntry = 8;
 inline constexpr int kOctaveBlocks = 5;
 
 // ---- Bodies ----
-// What it costs to search a ball about a piece of a body, in spheres that are expanded and searched: so it is
-// decided whether bodies are searched first. Rows "1e4 bodies of 64", "1e5 bodies of 64" of the table of
-// bodies.
-inline constexpr double kBallCost = 0.75;
+// What it costs to search bodies first, in spheres that are expanded and searched: where a revision says that
+// most of the scene stays, and where all is read in each call. Rows of `bench shapes`.
+inline constexpr BodyCosts kKnownBodies{.ball = 0.75, .pair = 2.5},
+    kNewBodies{.call = 250'000, .body = 15, .ball = 18, .pair = 2.5};
 
 // Up to so many elements, the balls are tested each with each, without a grid. Rows "1000 at 0.6" of
 // `bench piles`: a grid leaves most of the GPU without work there. Fewer processors move it down.

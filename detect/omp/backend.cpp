@@ -185,6 +185,9 @@ template Summary summarize(const View<double>&, int);
 
 namespace {
 
+// Measured with one thread, by `bench shapes`.
+constexpr BodyCosts kBodyCosts{.ball = 3, .pair = 2};
+
 class OmpBackend final : public Backend {
  public:
   const char* name() const override { return "omp"; }
@@ -261,9 +264,9 @@ class OmpBackend final : public Backend {
   // A call by any path. `arrays`: null, or where the arrays of the nine stages go.
   Contacts any(const Input& input, const CallOptions& options, Arrays* arrays) {
     begin(options);
-    const bool known = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded &&
-                       kept_->bodies.knows(input, options.margin) &&
-                       (options.bodies == Bodies::first || automatic_first_);
+    const bool may_go_first = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded;
+    const auto goes_first = [&] { return options.bodies == Bodies::first || automatic_first_; };
+    const bool known = may_go_first && kept_->bodies.knows(input, options.margin) && goes_first();
     check_input(input, false, known);
     const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
     choose_threads(options, known ? kept_->bodies.work() : n);
@@ -274,12 +277,9 @@ class OmpBackend final : public Backend {
       return delivered(c, n, options);
     }
     const Spheres& s = input.spheres;
-    if (known || (!arrays && bodies_first(input, options, n, 3))) {
-      if (!known) {
-        CallOptions automatic = options;
-        automatic.bodies = Bodies::automatic;
-        automatic_first_ = bodies_first(input, automatic, n, 3);
-      }
+    if (may_go_first && !known)
+      automatic_first_ = bodies_first(input, options.margin, n, kBodyCosts, kept_->bodies.pieces());
+    if (may_go_first && goes_first()) {
       Contacts c;
       if (kept_->bodies.run(input, options, threads_, kept_->records, c.seconds))
         return delivered(c, n, options);

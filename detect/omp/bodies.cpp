@@ -182,10 +182,23 @@ void BodySearch::gather(std::uint32_t element, const Sphere& other, Survivors& o
   }
 }
 
+// Do the boxes about two pieces show that no sphere of one touches one of the other? The balls of long or
+// flat pieces touch many others.
+bool BodySearch::boxes_are_apart(Pair p, double margin) const {
+  const Element a = assembly_.elements[p.i], b = assembly_.elements[p.j];
+  if (a.body == kLoose || b.body == kLoose) return false;
+  const Pieces& pieces = assembly_.pieces;
+  const Sphere &ball_a = balls_[p.i], &ball_b = balls_[p.j];
+  const Relative to = relative(stance_of(bodies_[a.body], a, pieces.pieces[a.piece], ball_a), ball_a,
+                               stance_of(bodies_[b.body], b, pieces.pieces[b.piece], ball_b), ball_b, margin);
+  return boxes_apart(pieces.boxes[a.piece], pieces.boxes[b.piece], to);
+}
+
 // Tests the spheres of pair k of elements.
 void BodySearch::test_pair(std::uint64_t k, const CallOptions& options, Survivors& a, Survivors& b,
                            List<Hit>& hits) {
   const Pair p = pair(k);
+  if (boxes_are_apart(p, options.margin)) return;
   gather(p.i, balls_[p.j], a);
   if (a.count == 0) return;
   gather(p.j, balls_[p.i], b);

@@ -2,8 +2,9 @@
 // Searching bodies first on the CPU. Broad phase: the grid path finds the pairs of balls that touch, around
 // pieces of bodies and loose spheres. Narrow phase: the spheres of each such pair are tested. Internal.
 #pragma once
-#include "detect/core/assembly.h"
-#include "detect/core/static_table.h"
+#include "detect/core/bodies/assembly.h"
+#include "detect/core/bodies/body_choice.h"
+#include "detect/core/bodies/static_table.h"
 #include "detect/omp/parts.h"
 
 namespace padder::detect::omp {
@@ -23,6 +24,7 @@ class BodySearch {
     return assembly_.moving + std::uint64_t(kWorkOfPiece - 1) * assembly_.moving_pieces;
   }
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
+  Pieces& pieces() { return assembly_.pieces; }
   void forget() { revision_ = 0; }  // after a call that did not come here, so that its `moved` was not read
 
  private:
@@ -36,6 +38,7 @@ class BodySearch {
   bool place(const Input& input, bool known, int threads);
   void find_static_pairs(int threads);
   void search_static(std::uint32_t element, List<Pair>& list);
+  bool boxes_are_apart(Pair p, double margin) const;
   void test_pair(std::uint64_t pair, const CallOptions& options, Survivors& a, Survivors& b, List<Hit>& hits);
   void gather(std::uint32_t element, const Sphere& other, Survivors& out) const;
   void write(const CallOptions& options, int threads, Records& records);

@@ -3,7 +3,7 @@
 // are ordered by world, a tree finds those that are near each other (world_tree.h), and then their spheres
 // are tested. Internal.
 #pragma once
-#include "detect/core/pieces.h"
+#include "detect/core/bodies/pieces.h"
 #include "detect/core/world_tree.h"
 #include "detect/omp/parts.h"
 

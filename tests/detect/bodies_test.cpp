@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Bodies first, and what stands still: against brute force over every placed sphere, the nine stages and the
 // path that expands every body.
-#include "detect/core/pieces.h"
+#include "detect/core/bodies/pieces.h"
 
 #include <cstring>
 #include <map>

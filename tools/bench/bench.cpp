@@ -29,6 +29,7 @@ const std::vector<Entry>& entries() {
       {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
       {"scenes", "sparse and uneven scenes beside dense, standing and (--moving) moving", scenes},
       {"piles", "piles of padded bodies, from those that barely touch to packed ones", piles},
+      {"shapes", "bodies of many shapes: searched first, expanded, and as the detector decides", shapes},
       {"worlds", "many worlds in one call, and answers for each: beside Bullet and FCL on the CPU", worlds},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
       {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},

@@ -41,6 +41,7 @@ Json speedup(const Settings&);     // speedup.cpp
 Json scaling(const Settings&);     // scaling.cpp
 Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
 Json piles(const Settings&);       // piles.cpp
+Json shapes(const Settings&);      // shapes.cpp
 Json stages(const Settings&);      // stages.cpp
 Json scenes(const Settings&);      // scenes.cpp
 Json boxes(const Settings&);       // boxes.cpp

@@ -16,6 +16,7 @@ class BodySearch {
 
   bool knows(const Input& input) const { return input_.knows(input); }  // by its revision
   // A call went another way: what moved in it was not seen.
+  Pieces& pieces() { return input_.pieces(); }
   void forget() { input_.forget(); }
 
   // All contacts into call.list, their number and that of the spheres to `contacts`. False: something is out

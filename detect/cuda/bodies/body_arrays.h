@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "detect/core/input.h"
-#include "detect/core/pieces.h"
+#include "detect/core/bodies/pieces.h"
 #include "detect/cuda/device/memory.h"
 #include "detect/detector.h"
 

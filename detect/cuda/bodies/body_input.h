@@ -5,8 +5,8 @@
 #pragma once
 #include <vector>
 
-#include "detect/core/assembly.h"
-#include "detect/core/static_table.h"
+#include "detect/core/bodies/assembly.h"
+#include "detect/core/bodies/static_table.h"
 #include "detect/cuda/bodies/body_arrays.h"
 #include "detect/cuda/bodies/near_elements.h"
 #include "detect/cuda/input/input_copy.h"
@@ -33,6 +33,7 @@ class BodyInput {
   // forgotten until keep() is called. False: there are static elements for which no table can be built.
   bool read(const Call& call);
   void keep(const Input& input) { revision_ = input.revision; }
+  Pieces& pieces() { return assembly_.pieces; }
   void forget() { revision_ = 0; }
 
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }

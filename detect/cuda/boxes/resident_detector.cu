@@ -6,7 +6,7 @@
 #include <numeric>
 #include <string>
 
-#include "detect/core/assembly.h"
+#include "detect/core/bodies/assembly.h"
 #include "detect/core/backend.h"
 #include "detect/core/errors.h"
 #include "detect/core/input.h"
@@ -104,7 +104,9 @@ void ResidentDetector::Work::check_bodies(const Input& bodies) {
   if (known) return;
   body_spheres_ = sphere_count(bodies);
   have_worlds_ = bodies_have_worlds(bodies);
-  bodies_first_ = bodies_first(bodies, {}, body_spheres_, cuda::tuning::kBallCost);
+  BodyCosts costs = cuda::tuning::kKnownBodies;
+  costs.pair = 0;  // the poses may be given in parts
+  bodies_first_ = bodies_first(bodies, 0, body_spheres_, costs, pieces_);
 }
 
 // What has to be the same on all GPUs, and where each part begins in the scene.

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "detect/boxes/resident_detector.h"
+#include "detect/core/bodies/pieces.h"
 #include "detect/cuda/boxes/crew.h"
 #include "detect/cuda/boxes/deal.h"
 #include "detect/cuda/boxes/place.h"
@@ -104,6 +105,7 @@ class ResidentDetector::Work {
   bool read_each_other_ = false;                   // all GPUs, by their kernels
   bool have_worlds_ = false;                       // the bodies
   bool bodies_first_ = false;                      // automatically
+  Pieces pieces_;                                  // of the shapes of the bodies
   bool poses_stay_ = false;                        // in this call GPUs read each other's poses
   std::vector<Region> regions_;                    // the boxes of all GPUs, those of other ranks too
   std::vector<double> density_;                    // of each box: work for each sphere, in the call before

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/core/assembly.h"
-
-#include <algorithm>
+#include "detect/core/bodies/assembly.h"
 
 #include "detect/core/input.h"
 
@@ -27,18 +25,6 @@ void Assembly::update(const Input& input, const std::uint8_t* is_static) {
         .push_back({kLoose, static_cast<std::uint32_t>(k)});
   moving = static_cast<std::uint32_t>(elements.size());
   elements.insert(elements.end(), static_elements.begin(), static_elements.end());
-}
-
-bool bodies_first(const Input& input, const CallOptions& options, std::uint64_t spheres, double ball_cost) {
-  if (options.path != Path::grid || options.bodies == Bodies::expanded) return false;
-  if (options.bodies == Bodies::first) return true;
-  if (marks_static(input)) return true;
-  if (input.bodies.empty()) return false;
-  const auto loose = static_cast<double>(loose_count(input)),
-             of_bodies = static_cast<double>(spheres) - loose;
-  const double balls = of_bodies / kPieceSpheres + static_cast<double>(input.bodies.size());
-  if (ball_cost * balls + loose < of_bodies) return true;
-  return std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.is_static; });
 }
 
 }  // namespace padder::detect

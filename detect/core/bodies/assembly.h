@@ -2,7 +2,7 @@
 // A scene as the search over balls sees it: elements, each of them a piece of a body or a loose sphere, with
 // the moving ones before the static ones. Host code that both backends use. Internal.
 #pragma once
-#include "detect/core/pieces.h"
+#include "detect/core/bodies/pieces.h"
 #include "detect/detector.h"
 
 namespace padder::detect {
@@ -18,9 +18,5 @@ struct Assembly {
   // `is_static`: which loose spheres are static; in host memory, or null if none is.
   void update(const Input& input, const std::uint8_t* is_static);
 };
-
-// Is searching the balls first faster than searching every sphere? `spheres`: the number of all spheres.
-// `ball_cost`: how many spheres can be expanded and searched in the time of one ball.
-bool bodies_first(const Input& input, const CallOptions& options, std::uint64_t spheres, double ball_cost);
 
 }  // namespace padder::detect

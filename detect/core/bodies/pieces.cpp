@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/core/pieces.h"
+#include "detect/core/bodies/pieces.h"
 
 #include <algorithm>
 #include <cstring>

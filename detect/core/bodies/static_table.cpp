@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/core/static_table.h"
+#include "detect/core/bodies/static_table.h"
 
 #include <algorithm>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // What the float tests of the narrow phase may not do: refuse two spheres that touch by the exact test. The
 // spheres are placed in double, as the detector places them; poses, sizes and places are drawn at random.
-#include "detect/core/pieces.h"
+#include "detect/core/bodies/pieces.h"
 
 #include "tests/detect/oracle.h"
 

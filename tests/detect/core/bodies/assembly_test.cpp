@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // A scene in elements, and the table of what stands still: every sphere in one element, every ball in its
 // bin, and no ball out of reach of a bin that touches it, by brute force.
-#include "detect/core/assembly.h"
-#include "detect/core/static_table.h"
+#include "detect/core/bodies/assembly.h"
+#include "detect/core/bodies/static_table.h"
 
 #include <set>
 
@@ -107,35 +107,6 @@ TEST(Assembly, UpdatedToAnotherScene) {
   a.update(parts.input(), nullptr);
   EXPECT_EQ(a.body_first.back(), 130u);
   EXPECT_GT(a.elements.size(), 1u);
-}
-
-TEST(Assembly, WhetherBodiesAreSearchedFirst) {
-  Parts parts;
-  Options o;
-  const auto first = [&](double ball_cost) {
-    const Input in = parts.input();
-    std::uint64_t spheres = in.spheres.count;
-    for (const Body& b : in.bodies) spheres += in.shapes[b.shape].count;
-    return bodies_first(in, o, spheres, ball_cost);
-  };
-  EXPECT_FALSE(first(0)) << "no body";
-  parts.add(2, false);  // 200 spheres, four balls and a bit
-  EXPECT_TRUE(first(1));
-  EXPECT_FALSE(first(100));
-  parts.loose_static.assign(1000, 0);  // loose spheres must pass the balls, too
-  EXPECT_FALSE(first(1));
-  parts.bodies[0].is_static = true;
-  EXPECT_TRUE(first(100)) << "static bodies have no other way";
-  parts.bodies[0].is_static = false;
-  Input in = parts.input();
-  in.spheres.is_static = parts.loose_static.data();
-  EXPECT_TRUE(bodies_first(in, o, 1200, 100)) << "static spheres have no other way";
-  o.bodies = Bodies::first;
-  EXPECT_TRUE(first(100));
-  o.bodies = Bodies::expanded;
-  EXPECT_FALSE(first(0));
-  o.bodies = Bodies::first, o.path = Path::nine_stages;
-  EXPECT_FALSE(first(0)) << "the paper's stages know spheres only";
 }
 
 // --- The table of static balls ---

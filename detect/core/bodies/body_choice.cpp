@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: MIT
+#include "detect/core/bodies/body_choice.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "detect/core/input.h"
+
+namespace padder::detect {
+namespace {
+
+// A part of the bodies, each with one of its pieces, and of the loose spheres.
+struct Sample {
+  std::vector<float> x, y, z, r;
+  std::vector<double> stands_for;  // so many balls
+  std::vector<Filter> filter;
+  void add(const Sphere& ball, double balls, const Filter& f) {
+    x.push_back(static_cast<float>(ball.x)), y.push_back(static_cast<float>(ball.y));
+    z.push_back(static_cast<float>(ball.z)), r.push_back(static_cast<float>(ball.r));
+    stands_for.push_back(balls), filter.push_back(f);
+  }
+  std::size_t size() const { return x.size(); }
+};
+
+// A number below n that follows from k and looks as if drawn (the finalizer of SplitMix64).
+std::uint64_t scattered(std::uint64_t k, std::uint64_t n) {
+  k = (k + 0x9e3779b97f4a7c15) * 0xbf58476d1ce4e5b9;
+  k = (k ^ k >> 30) * 0x94d049bb133111eb;
+  return (k ^ k >> 31) % n;
+}
+
+// Calls each(k) for about `most` of the numbers below n, spread evenly but for chance: things are often
+// listed in a pattern.
+template <class Each>
+void for_some(std::uint64_t n, std::uint64_t most, const Each& each) {
+  const std::uint64_t count = std::min(n, most);
+  for (std::uint64_t k = 0; k < count; k++) {
+    const std::uint64_t from = k * n / count, to = (k + 1) * n / count;
+    each(from + scattered(k, to - from));
+  }
+}
+
+bool touch(const Sample& s, std::size_t i, std::size_t j, float margin) {
+  const float a = s.x[j] - s.x[i], b = s.y[j] - s.y[i], c = s.z[j] - s.z[i], sum = s.r[j] + (s.r[i] + margin);
+  return a * a + b * b + c * c < sum * sum;
+}
+
+// How many of the balls from `first` on does ball i touch?
+int touched(const Sample& s, std::size_t i, std::size_t first, float margin) {
+  int count = 0;
+  for (std::size_t j = first; j < s.size(); j++) count += touch(s, i, j, margin);
+  return count;
+}
+
+}  // namespace
+
+double touching_balls(const Input& input, double margin, const Pieces& pieces) {
+  const std::uint64_t n = input.bodies.size(), loose = loose_count(input);
+  const auto most = [](std::uint64_t of) {
+    return std::max<std::uint64_t>(128, 2 * static_cast<std::uint64_t>(std::sqrt(static_cast<double>(of))));
+  };
+  Sample s;
+  if (!has_device_poses(input))
+    for_some(n, most(n), [&](std::uint64_t b) {
+      const Body body = body_at(input, b);
+      const std::uint32_t first = pieces.shape_first[body.shape],
+                          count = pieces.shape_first[body.shape + 1] - first;
+      if (count == 0) return;
+      const Piece& piece = pieces.pieces[first + scattered(b, count)];
+      const double one_of = static_cast<double>(n) / static_cast<double>(std::min(n, most(n)));
+      s.add(ball_of(body, piece), count * one_of, filter_of(body, static_cast<std::uint32_t>(b)));
+    });
+  const std::size_t of_bodies = s.size();
+  if (input.spheres.memory == Memory::host)
+    for_some(input.spheres.count, most(loose), [&](std::uint64_t k) {
+      s.add(loose_at(input.spheres, k),
+            static_cast<double>(loose) / static_cast<double>(std::min(loose, most(loose))),
+            filter_at(input.spheres, k));
+    });
+  double pairs = 0;
+  const auto reach = static_cast<float>(margin);
+  for (std::size_t i = 0; i < of_bodies; i++) {
+    if (touched(s, i, i + 1, reach) == 0) continue;
+    for (std::size_t j = i + 1; j < s.size(); j++)
+      if (admitted(s.filter[i], s.filter[j]) && touch(s, i, j, reach))
+        pairs += s.stands_for[i] * s.stands_for[j];
+  }
+  return pairs;
+}
+
+bool bodies_first(const Input& input, double margin, std::uint64_t spheres, const BodyCosts& costs,
+                  Pieces& pieces) {
+  // Expanded, two static spheres would be a contact.
+  if (marks_static(input)) return true;
+  if (input.bodies.empty()) return false;
+  pieces.update(input.shapes);
+  std::uint64_t balls = 0;
+  for (const Body& b : input.bodies) {
+    if (b.is_static) return true;
+    balls += pieces.shape_first[b.shape + 1] - pieces.shape_first[b.shape];
+  }
+  const auto loose = static_cast<double>(loose_count(input)),
+             of_bodies = static_cast<double>(spheres) - loose;
+  // A loose sphere costs as much again, because it is brought into the balls' order as well.
+  const double left = of_bodies - costs.call - costs.body * static_cast<double>(input.bodies.size()) -
+                      costs.ball * static_cast<double>(balls) - loose;
+  return left > 0 && (costs.pair == 0 || costs.pair * touching_balls(input, margin, pieces) < left);
+}
+
+}  // namespace padder::detect

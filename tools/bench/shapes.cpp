@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Bodies of many shapes, strewn so that they go through each other: searched first, expanded, and as
+// Bodies::automatic decides. Each row once with a revision, poses on the GPU, and once with all read anew.
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "padding/asset/error.h"
+#include "tools/bench/bench.h"
+#include "tools/bench/device.h"
+
+namespace padder::bench {
+namespace {
+
+using detect::Sphere;
+
+// Of n spheres of radius 0.5, neighbours a diameter apart.
+std::vector<Sphere> shape_of(const std::string& name, std::size_t n) {
+  std::vector<Sphere> s;
+  if (name == "rod")
+    for (std::size_t k = 0; k < n; k++) s.push_back({double(k) - double(n) / 2, 0, 0, 0.5});
+  if (name == "star")  // six arms
+    for (std::size_t k = 0; k < n; k++) {
+      double at[3] = {0, 0, 0};
+      at[k / 2 % 3] = (k % 2 ? 1.0 : -1.0) * double(k / 6 + 1);
+      s.push_back({at[0], at[1], at[2], 0.5});
+    }
+  if (name == "shell") {
+    detect::SplitMix64 random(n);
+    const double radius = std::sqrt(double(n) / 12.5);
+    while (s.size() < n) {
+      const double x = random.signed_unit(), y = random.signed_unit(), z = random.signed_unit(),
+                   length = std::sqrt(x * x + y * y + z * z);
+      if (length < 1 && length > 0.01)
+        s.push_back({radius * x / length, radius * y / length, radius * z / length, 0.5});
+    }
+  }
+  const auto edge =
+      static_cast<std::size_t>(name == "plate" ? std::sqrt(double(n)) + 0.5 : std::cbrt(double(n)) + 0.5);
+  if (name == "plate" || name == "block")
+    for (std::size_t k = 0; k < n; k++)
+      s.push_back({double(k % edge), double(k / edge % edge), double(k / edge / edge), 0.5});
+  return s;
+}
+
+// In a cube with room of edge `spacing` for each sphere.
+std::vector<detect::Body> strewn(std::uint32_t count, std::size_t spheres, double spacing) {
+  const double edge = spacing * std::cbrt(double(count) * double(spheres));
+  detect::SplitMix64 random(count);
+  std::vector<detect::Body> bodies(count);
+  for (detect::Body& b : bodies) {
+    double q[4];
+    for (double& v : q) v = random.signed_unit() + random.signed_unit() + random.signed_unit();
+    detect::rotation_of(q[0], q[1], q[2], q[3], b.rotation);
+    for (double& p : b.position) p = 0.5 * edge * random.signed_unit();
+  }
+  return bodies;
+}
+
+struct Case {
+  const char* shape;
+  std::size_t spheres;
+  std::uint32_t bodies;
+  double spacing = 2.2;
+};
+
+constexpr Case kCases[] = {
+    {"rod", 10, 5000},     {"rod", 100, 500},    {"rod", 100, 5000},    {"rod", 100, 5000, 4},
+    {"rod", 1000, 1000},   {"star", 60, 1000},   {"star", 300, 300},    {"star", 300, 3000},
+    {"star", 300, 300, 4}, {"shell", 60, 5000},  {"shell", 200, 5000},  {"plate", 100, 1000},
+    {"plate", 400, 500},   {"block", 8, 10000},  {"block", 8, 100000},  {"block", 27, 3000},
+    {"block", 64, 1000},   {"block", 64, 10000}, {"block", 64, 30000},  {"block", 216, 1000},
+    {"block", 216, 10000}, {"block", 1000, 300}, {"block", 1000, 3000}, {"block", 1000, 300, 1.4},
+    {"block", 8000, 100},  {"block", 8000, 1000}};
+
+double median_of(const Settings& s, detect::BackendKind backend, detect::Bodies way,
+                 const detect::Input& input, std::uint64_t& contacts) {
+  detect::CallOptions o;
+  o.threads = s.threads, o.width = detect::Width::normals, o.bodies = way, o.order = detect::Order::any;
+  if (backend == detect::BackendKind::cuda) o.output = detect::Memory::device;
+  detect::Detector d({backend}, o);
+  const auto call = [&]() -> const detect::Contacts& { return detect_watched(d, input); };
+  for (int k = 0; k < 3; k++) call();
+  std::vector<double> times;
+  for (int k = 0; k < s.repeat; k++) times.push_back(seconds_of(call));
+  std::sort(times.begin(), times.end());
+  const std::uint64_t count = call().count;
+  if (contacts != ~std::uint64_t(0) && contacts != count) throw Error("two ways find different contacts");
+  contacts = count;
+  return times[times.size() / 2];
+}
+
+}  // namespace
+
+Json shapes(const Settings& s) {
+  Json rows = Json::array(),
+       table = Json::array({{"backend", "shape", "spheres each", "bodies", "spacing", "read", "contacts",
+                             "first [ms]", "expanded", "automatic", "over the faster"}});
+  for (const detect::BackendKind backend : backends(s))
+    for (const Case& c : kCases) {
+      const bool cuda = backend == detect::BackendKind::cuda;
+      const detect::BodyScene scene{shape_of(c.shape, c.spheres), strewn(c.bodies, c.spheres, c.spacing)};
+      if (!s.scene.empty() && s.scene != c.shape) continue;
+      for (const bool anew : {false, true}) {
+        say(s, std::string(c.shape) + " " + std::to_string(c.spheres) + " x " + std::to_string(c.bodies));
+        const DeviceBodies bodies(scene, ~0u, cuda && !anew);
+        detect::Input input = bodies.input();
+        if (anew) input.revision = 0;
+        std::uint64_t contacts = ~std::uint64_t(0);
+        const double first = median_of(s, backend, detect::Bodies::first, input, contacts),
+                     expanded = median_of(s, backend, detect::Bodies::expanded, input, contacts),
+                     automatic = median_of(s, backend, detect::Bodies::automatic, input, contacts),
+                     over = automatic / std::min(first, expanded);
+        rows.push_back({{"backend", cuda ? "cuda" : "omp"},
+                        {"shape", c.shape},
+                        {"spheres_each", c.spheres},
+                        {"bodies", c.bodies},
+                        {"spacing", c.spacing},
+                        {"anew", anew},
+                        {"contacts", contacts},
+                        {"seconds_first", first},
+                        {"seconds_expanded", expanded},
+                        {"seconds_automatic", automatic}});
+        table.push_back({cuda ? "cuda" : "omp", c.shape, std::to_string(c.spheres), std::to_string(c.bodies),
+                         number(c.spacing, "%g"), anew ? "anew" : "moving", std::to_string(contacts),
+                         number(first * 1e3, "%.3f"), number(expanded * 1e3, "%.3f"),
+                         number(automatic * 1e3, "%.3f"), number(over, "%.2f")});
+      }
+    }
+  Json result = {{"bench", "shapes"},    {"machine", machine()}, {"device", device_name()},
+                 {"threads", s.threads}, {"rows", rows},         {"table", table}};
+  write_result(s, result);
+  return result;
+}
+
+}  // namespace padder::bench
