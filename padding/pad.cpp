@@ -245,7 +245,12 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
     throw Error(
         name +
         ": no sphere lies inside of it: use a --protrusion above 0, or --repair fill where holes are open");
-  throw Error(name + ": no sphere is as large and as small as --min-radius and --max-radius ask for");
+  const bool small = options.max_radius.given(), large = options.min_radius.given();
+  throw Error(name + ": no sphere is as " +
+              (small && large ? "large and as small as --min-radius and --max-radius ask"
+               : small        ? "small as --max-radius asks"
+                              : "large as --min-radius asks") +
+              " for");
 }
 
 template <class T>
@@ -478,9 +483,14 @@ Padded pad_file(const std::filesystem::path& path, const ReadOptions& reading, c
   Clock clock;
   const ReadResult file = read_mesh(path, reading);
   const double seconds = clock.lap();
-  Padded out = pad(file, options, progress);
-  out.report.seconds.read = seconds;
-  return out;
+  try {
+    Padded out = pad(file, options, progress);
+    out.report.seconds.read = seconds;
+    return out;
+  } catch (const Error& e) {  // of a batch, which mesh?
+    const std::string what = e.what(), name = path.string();
+    throw Error(what.starts_with(name) ? what : name + ": " + what);
+  }
 }
 
 }  // namespace padder

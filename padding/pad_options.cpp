@@ -84,6 +84,9 @@ void check(const PadOptions& options) {
     throw Error("the mean normal error asked for (smooth) must be from 0 to 180 degrees");
   if (!(options.sharp_angle >= 1 && options.sharp_angle <= 180))
     throw Error("the sharp angle must be from 1 to 180 degrees");
+  if (options.min_grain_radius.given() && options.repair != RepairMode::automatic &&
+      options.repair != RepairMode::wrap)
+    throw Error("a reach wraps the mesh: leave out the repair, or choose wrap");
   if (options.max_spheres > 0xffffffffu) throw Error("the number of spheres can be at most 4294967295");
   if (!(options.effort >= 0 && options.effort <= 3)) throw Error("the effort must be 0, 1, 2 or 3");
   if (!options.lod.empty() && (options.tolerance.given() || options.max_spheres > 0 || options.depth_ratio))
@@ -110,8 +113,12 @@ void check(const PadOptions& options) {
 }
 
 void check_meant(const PadOptions& options, const Box& box, const std::string& name) {
-  if (options.force) return;
   const double diagonal = box.diagonal(), thinnest = (box.high - box.low).minCoeff();
+  for (const Length& l : {options.protrusion_used(), options.gap_used()})
+    if (l.absolute(diagonal) > 1e6 * diagonal)
+      throw Error(name + ": a tolerance of " + short_number(l.absolute(diagonal), 6) +
+                  " is beyond a million diagonals: use a smaller one");
+  if (options.force) return;
   const auto refuse = [&](const char* what, const Length& l, const std::string& why) {
     const double length = l.absolute(diagonal);
     throw Error(

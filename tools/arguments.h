@@ -40,6 +40,12 @@ inline CLI::Validator decimal() {
                    "decimal number");
 }
 
+// What the detector takes.
+inline CLI::Validator distance() {
+  return accepting([](auto& text) { return number_of<double>(text).value_or(NAN) <= 1e100; },
+                   "length: write a decimal number of at most 1e100");
+}
+
 // CLI11 would replace a number that is too large by the largest there is.
 inline bool is_whole(const std::string& text) {
   return number_of<std::uint64_t>(text) && (text == "0" || text[0] != '0');

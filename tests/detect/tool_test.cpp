@@ -97,7 +97,10 @@ TEST_F(DetectTool, CopiesOfACluster) {
 TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
   EXPECT_EQ(run("").code, 2);
   EXPECT_EQ(run("dense.json --precision sloppy").code, 2);
-  EXPECT_EQ(run("dense.json --backend omp --bin-size -1").code, 2);
+  for (const char* length : {"--bin-size -1", "--bin-size 1e101", "--margin 1e101", "--margin -1"})
+    EXPECT_EQ(run(std::string("dense.json --backend omp ") + length).code, 2) << length;
+  EXPECT_NE(run("dense.json --devices 65537").err.find("1 to 9999"), std::string::npos);
+  EXPECT_EQ(run("dense.json --backend omp -q -v").err, "");
   EXPECT_EQ(run("dense.json --devices 1000").code, 1);
   for (const char* threads : {"0", "-1", "1025", "100000", "2000000000", "3000000000"}) {
     const Outcome r = run(std::string("dense.json --backend omp --threads ") + threads);
@@ -156,11 +159,12 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
   EXPECT_EQ(said("--copies=-5"), "--copies takes a whole number from 1 to 4294967294, not \"-5\"");
   EXPECT_EQ(said("--copies many"), "--copies takes a whole number from 1 to 4294967294, not \"many\"");
   EXPECT_EQ(said("--devices 1e6"),
-            "--devices: \"1e6\" is no number of devices: write a whole number above 0, or all");
+            "--devices: \"1e6\" is no number of devices: write a whole number from 1 to 9999, or all");
   EXPECT_EQ(said("--bin-size -1"), "--bin-size takes a number above 0, not \"-1\"");
   EXPECT_EQ(said("--bin-size wide"), "--bin-size takes a number above 0, not \"wide\"");
-  EXPECT_EQ(said("--bin-size nan"), "--bin-size: \"nan\" is no decimal number");
-  EXPECT_EQ(said("--margin nan"), "--margin: \"nan\" is no decimal number");
+  EXPECT_EQ(said("--bin-size nan"),
+            "--bin-size: \"nan\" is no length: write a decimal number of at most 1e100");
+  EXPECT_EQ(said("--margin nan"), "--margin: \"nan\" is no length: write a decimal number of at most 1e100");
   EXPECT_EQ(said("--bin-size"), "--bin-size takes a number above 0, and none is given");
   EXPECT_EQ(said("--precision sloppy"), "--precision takes one of exact and fast, not \"sloppy\"");
   EXPECT_EQ(said("--backend gpu"), "--backend takes one of auto, omp and cuda, not \"gpu\"");

@@ -125,6 +125,7 @@ TEST_F(Pad, WrongUsageReturns2WithOneSentenceAndWritesNothing) {
                                 "a.obj --edge-length 5% --tolerance 5%",
                                 "a.obj --protrusion 1%",
                                 "a.obj --protrusion 0 --gap 0",
+                                "a.obj --reach 10% --repair never",
                                 "a.obj --max-spheres 4294967297"}) {
     SCOPED_TRACE(arguments);
     expect_one_sentence(pad(arguments), 2);
@@ -153,11 +154,25 @@ TEST_F(Pad, WhatCannotBeMeantIsRefusedUnlessForced) {
     expect_one_sentence(pad(arguments), 1);
   }
   EXPECT_TRUE(files().empty());
+  expect_one_sentence(pad("a.obj --tolerance 1e300 --force"), 1);
   EXPECT_EQ(pad("a.obj -q --tolerance 200% --force").code, 0);
   // A blank before the sign is none of these.
   const Outcome blank = pad("a.obj --tolerance '5 %' --json");
   ASSERT_EQ(blank.code, 0) << blank.err;
   EXPECT_NEAR(Json::parse(blank.out)["tolerance"], 0.05 * std::sqrt(3.0), 1e-12);
+}
+
+TEST_F(Pad, OfSeveralMeshesTheSentenceNamesTheOne) {
+  cube("a.obj"), cube("b.obj");
+  for (const char* options :
+       {"--tolerance 1e-30", "--edge-length 1e-9", "--tolerance 5% --min-radius 60% --force"}) {
+    SCOPED_TRACE(options);
+    const Outcome run = pad(std::string("a.obj b.obj -o out/ ") + options);
+    EXPECT_EQ(run.code, 1);
+    EXPECT_TRUE(run.err.starts_with("pad: a.obj: ")) << run.err;
+    EXPECT_NE(run.err.find("\npad: b.obj: "), std::string::npos) << run.err;
+    EXPECT_EQ(run.err.find("--max-radius"), std::string::npos) << run.err;
+  }
 }
 
 TEST_F(Pad, WithoutRepairWhatFacesInwardIsSaid) {

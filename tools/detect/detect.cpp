@@ -25,7 +25,7 @@ CLI::Validator device_count() {
       [](auto& text) {
         return text == "all" || (padder::cli::is_whole(text) && text != "0" && text.size() < 5);
       },
-      "number of devices: write a whole number above 0, or all");
+      "number of devices: write a whole number from 1 to 9999, or all");
 }
 
 const std::set<std::string>& format_names() {
@@ -64,7 +64,7 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
   a.precision.add(app, "--precision", "exact: the contacts of double arithmetic; fast: float only");
   app.add_option("--bin-size", a.options.bin_size, "edge of a bin, in the scene's unit (default: chosen)")
       ->check(CLI::PositiveNumber)
-      ->check(padder::cli::decimal())
+      ->check(padder::cli::distance())
       ->type_name("S");
   app.add_option(
          "-o", a.output,
@@ -76,7 +76,7 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
       ->type_name("NAME");
   app.add_option("--margin", a.options.margin, "contacts are all pairs whose gap is at most M")
       ->check(CLI::NonNegativeNumber)
-      ->check(padder::cli::decimal())
+      ->check(padder::cli::distance())
       ->type_name("M");
   app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
   app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");
@@ -219,7 +219,7 @@ int find_contacts(Arguments& a) {
   Json seconds = Json::object();
   for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
   seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
-  if (a.verbose) print_seconds(seconds);
+  if (a.verbose && !a.quiet) print_seconds(seconds);
   Json report = {{"spheres", c.spheres},
                  {"bodies", scene.bodies.size()},
                  {"contacts", c.count},

@@ -92,7 +92,7 @@ void declare_files(CLI::App& app, PadArguments& a) {
 // How the spheres are chosen: by depth ratio, by tolerance, or by number.
 void declare_spheres(CLI::App& app, PadArguments& a) {
   app.add_option("--depth", a.options.depth_ratio,
-                 "one sphere a triangle: cap height over circumradius, above 0, at most 1 (default: 0.2)")
+                 "one sphere a triangle: cap height over circumradius, 1e-6 to 1 (default: 0.2)")
       ->check(decimal())
       ->check(CLI::Range(1e-6, 1.));
   add_length(app, "--edge-length", a.options.edge_length,
@@ -109,7 +109,7 @@ void declare_spheres(CLI::App& app, PadArguments& a) {
       length_or_zero());
   app.add_option("--max-spheres", a.options.max_spheres, "the smallest error that so many spheres can keep")
       ->check(whole())
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(1u, 0xffffffffu));
   add_length(app, "--max-radius", a.options.max_radius, "no larger sphere");
   add_length(app, "--min-radius", a.options.min_radius,
              "no smaller sphere, even where the tolerance asks for it");

@@ -102,7 +102,12 @@ std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, con
   if (smallest && !(*smallest >= 0)) throw py::value_error("smallest must be 0 or more");
   std::vector<detect::Sphere> loose;
   if (!centers.is_none()) loose = spheres_of_arrays(py::make_tuple(centers, radii), "the loose spheres");
-  detect::RungRule rule = detect::rung_rule(lod);
+  detect::RungRule rule;
+  try {
+    rule = detect::rung_rule(lod);
+  } catch (const Error& e) {
+    throw py::value_error(e.what());
+  }
   rule.share = share;
   const std::vector<std::span<const detect::Rung>> shapes(from.rungs.begin(), from.rungs.end());
   detect::RungChoice choice;

@@ -75,7 +75,7 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--skin", a.skin,
                  "keep candidates while nothing has moved half of this length; 0: detect in every step "
                  "(default: chosen; the motion is the same)")
-      ->check(padder::cli::decimal())
+      ->check(padder::cli::distance())
       ->check(CLI::NonNegativeNumber)
       ->type_name("X");
   app.add_option(
