@@ -45,6 +45,7 @@ struct RungSpheres {
   std::vector<Ball> balls;
   std::vector<std::int64_t> triangle;  // for each ball, the triangle that it was made for
   Mesh mesh;                           // the remeshed surface; empty when nothing was remeshed
+  WhyOpen open = WhyOpen::nothing;
 };
 
 RungSpheres by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
@@ -102,12 +103,13 @@ CullOptions cull_options(const PadOptions& options, const Length& tolerance, dou
       c.tolerance -= crack;
   }
   if (c.only_protrusion) *c.only_protrusion -= crack;
-  const auto lessen = [moved](double& error) {
-    if (error > 2 * moved) error -= moved;
+  const auto lessen = [moved](double& error, double least) {
+    if (least > 2 * moved) error -= moved;
   };
-  lessen(c.tolerance);
-  if (c.only_protrusion) lessen(*c.only_protrusion);
-  if (c.only_gap) lessen(*c.only_gap);
+  lessen(c.tolerance, c.tolerance);
+  // Below 0, each sphere stays so far inside the body. Only the gap must have room for that.
+  if (c.only_protrusion) lessen(*c.only_protrusion, *c.only_gap > 0 ? *c.only_gap : *c.only_protrusion);
+  if (c.only_gap) lessen(*c.only_gap, *c.only_gap);
   c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
   return c;
 }
@@ -131,6 +133,11 @@ struct Asked {
   }
 };
 
+// "(1, 2, 3)"
+std::string place_text(const Point& p) {
+  return "(" + short_number(p.x(), 4) + ", " + short_number(p.y(), 4) + ", " + short_number(p.z(), 4) + ")";
+}
+
 // What every step works on, in the unit frame.
 struct Job {
   const PadOptions& options;
@@ -144,6 +151,22 @@ struct Job {
   const TellShare& within_cull;
   Clock& clock;
 };
+
+// Why the spheres leave some of the surface open, and what to do.
+std::string open_text(const Job& job, const OpenSpot& open) {
+  const std::string place = place_text(job.frame.back(open.at));
+  if (open.why == WhyOpen::min_radius)
+    return "no sphere as large as --min-radius was found that covers the surface at " + place +
+           ": use a smaller one";
+  if (open.why == WhyOpen::unfinished)
+    return "the search ended before it had covered the surface at " + place + ": use a larger tolerance";
+  const std::size_t solid = job.body.mesh.triangles.size() - job.body.sheet;
+  if (job.surface.nearest(open.at).triangle >= solid)
+    return "the surface at " + place +
+           " is a sheet, which has no inside: use a --protrusion above 0, or a --thickness";
+  return "no sphere inside of the body was found that comes near enough to the surface at " + place +
+         ": use a --protrusion above 0";
+}
 
 // Makes the spheres of one level of detail. If they cannot keep the tolerance, `why` says what prevents it.
 RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& why) {
@@ -169,7 +192,8 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
     if (!culled.within)
       why = "so few spheres cannot keep it";
     else if (!culled.covered)
-      why = "the limits of the radius leave some of the surface open";
+      why = open_text(job, culled.open);
+    made.open = culled.open.why;
   }
   job.report.seconds.cull += job.clock.lap();
   return made;
@@ -179,10 +203,9 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
 std::string slots_text(const Job& job) {
   const std::vector<ClosedSlot>& slots = job.report.slots;
   const ClosedSlot& widest = slots.front();
-  const auto coordinate = [&](int k) { return short_number(widest.place[k], 4); };
   return "the wrap closes " + count_of(slots.size(), "slot") +
-         " wider than twice the tolerance, the widest " + short_number(widest.width, 3) + " at (" +
-         coordinate(0) + ", " + coordinate(1) + ", " + coordinate(2) + "): " +
+         " wider than twice the tolerance, the widest " + short_number(widest.width, 3) + " at " +
+         place_text(widest.place) + ": " +
          (job.options.min_grain_radius.given() ? "a smaller --reach opens them"
                                                : "--repair auto, or a larger tolerance, may help");
 }
@@ -236,12 +259,12 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
 }
 
 // A cluster without spheres is no answer.
-[[noreturn]] void refuse_nothing(const PadOptions& options, const std::string& name) {
+[[noreturn]] void refuse_nothing(const PadOptions& options, const std::string& name, WhyOpen why) {
   if (options.by_depth())
     throw Error(name +
                 ": it is so thin that no triangle is as high as a fiftieth of the edge length: use a "
                 "shorter --edge-length, or --tolerance");
-  if (options.each_error() && !options.protrusion_used().given())
+  if (why == WhyOpen::no_inside)
     throw Error(
         name +
         ": no sphere lies inside of it: use a --protrusion above 0, or --repair fill where holes are open");
@@ -436,7 +459,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
     const Asked asked(options, rungs[rung], frame.scale());
     std::string why;
     RungSpheres made = make_spheres(job, rungs[rung], why);
-    if (made.balls.empty()) refuse_nothing(options, name);
+    if (made.balls.empty()) refuse_nothing(options, name, made.open);
     if (rung + 1 < rungs.size()) {
       Lod& lod = c.lods.emplace_back();
       lod.tolerance = rungs[rung].absolute(frame.scale());

@@ -55,7 +55,7 @@ class CoverSearch {
 
   Cover run() const {
     Attempt best{CoverProblem(limits_.gap), {}, 0};
-    if (single(best)) return finish(best, true);
+    if (single(best)) return finish(best, {});
     SampleOptions sampling;
     sampling.tolerance_sum = limits_.tolerance_sum;
     sampling.largest = limits_.largest_inner_distance;
@@ -66,18 +66,19 @@ class CoverSearch {
     best.problem.add(with_margin(samples.coarse, kGreedyMargin), candidates);
     best.solve(0);
     Attempt common = best;
-    bool covered = close_gaps(best, grower_, 0, 0, watch_, &common.problem);
+    OpenSpot open = close_gaps(best, grower_, 0, 0, watch_, &common.problem);
     for (int k = 0; k < effort_; k++) {
       const Stage& stage = kStages[static_cast<std::size_t>(k)];
       const std::uint64_t seed = static_cast<std::uint64_t>(k + 1) << 56;
       Attempt next = merge(samples, search_side_by_side(common, best, stage, seed), best, stage, seed);
       centre(next, grower_, std::vector<char>(next.chosen.size(), 1));
-      const bool next_covered =
+      const OpenSpot next_open =
           close_gaps(next, grower_, kClosingShare * stage.steps, kClosingPlaces, watch_, nullptr);
+      const bool covered = open.why == WhyOpen::nothing, next_covered = next_open.why == WhyOpen::nothing;
       if (next_covered == covered ? next.chosen.size() < best.chosen.size() : next_covered)
-        best = std::move(next), covered = next_covered;
+        best = std::move(next), open = next_open;
     }
-    return finish(best, covered);
+    return finish(best, open);
   }
 
  private:
@@ -185,10 +186,10 @@ class CoverSearch {
     return false;
   }
 
-  Cover finish(const Attempt& attempt, bool covered) const {
+  Cover finish(const Attempt& attempt, const OpenSpot& open) const {
     Cover cover;
-    cover.balls = attempt.balls(), cover.covered = covered;
-    if (covered) {
+    cover.balls = attempt.balls(), cover.open = open, cover.covered = open.why == WhyOpen::nothing;
+    if (cover.covered) {
       const ProtrusionBound bound = protrusion_bound(surface_, cover.balls);
       cover.proved = bound.proved && bound.max <= limits_.protrusion + kKeptBack * limits_.tolerance_sum;
     }

@@ -2,6 +2,7 @@
 // From a surface and a tolerance to the fewest balls that cover it, with the proof that they keep the
 // tolerance. docs/tolerance.md explains the method and proves it.
 #pragma once
+#include "padding/by_tolerance/open_spot.h"
 #include "padding/by_tolerance/watch.h"
 #include "padding/verify/certify.h"
 
@@ -26,8 +27,9 @@ struct CoverOptions {
 struct Cover {
   std::vector<Ball> balls;              // each dilated by the whole protrusion that is allowed
   std::vector<std::uint32_t> triangle;  // for each ball, the triangle of the surface that it was grown from
-  bool covered = false;  // the gap is kept everywhere; false only where radius limits forbid a cover
-  bool proved = false;   // the protrusion is kept, too; never on an open surface, nor where it faces inward
+  bool covered = false;                 // the gap is kept everywhere
+  OpenSpot open;                        // where it is not, and why
+  bool proved = false;  // the protrusion is kept, too; never on an open surface, nor where it faces inward
 };
 
 // Each ball is grown from an inner medial ball of radius m to the radius m + protrusion. It covers the

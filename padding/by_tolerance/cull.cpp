@@ -49,7 +49,7 @@ class CullSearch {
     culled.balls = dilated(dilation);
     culled.triangle = cover_.triangle;
     culled.protrusion = dilation, culled.gap = tolerance_sum_ - dilation;
-    culled.covered = cover_.covered, culled.proved = cover_.proved;
+    culled.covered = cover_.covered, culled.open = cover_.open, culled.proved = cover_.proved;
     culled.within = culled.within || std::max(culled.protrusion, culled.gap) <= options_.tolerance;
     return culled;
   }
@@ -81,7 +81,7 @@ class CullSearch {
     Culled culled;
     culled.balls = cover_.balls, culled.triangle = cover_.triangle;
     culled.protrusion = protrusion, culled.gap = gap;
-    culled.covered = cover_.covered, culled.proved = cover_.proved;
+    culled.covered = cover_.covered, culled.open = cover_.open, culled.proved = cover_.proved;
     if (!(depth > 0) || !cover_.covered) return culled;
     FillOptions filling{.depth = depth * (1 - 1e-6), .protrusion = protrusion * (1 - 1e-9)};
     filling.min_radius = options_.min_radius, filling.max_radius = options_.max_radius;

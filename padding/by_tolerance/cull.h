@@ -46,12 +46,13 @@ struct Culled {
   std::vector<Ball> balls;
   std::vector<std::uint32_t> triangle;  // for each ball, the triangle of the surface that it was grown from
   double protrusion = 0, gap = 0;  // the bounds that hold; at most the tolerance, if max_spheres allowed it
-  bool covered = false;     // the gap is kept everywhere; false only where radius limits forbid a cover
-  bool proved = false;      // both bounds hold; never on an open surface, nor where it faces inward
-  bool within = true;       // false when max_spheres was too few for the tolerance
-  bool filled = false;      // proved: no point of the body lies outside the balls; only for a gap of 0
-  double normal_error = 0;  // estimate, degrees; only when `smooth` was asked for
-  double volume_ratio = 0;  // estimate of the union's volume over the body's; only for Balance::volume
+  bool covered = false;            // the gap is kept everywhere
+  OpenSpot open;                   // where it is not, and why
+  bool proved = false;             // both bounds hold; never on an open surface, nor where it faces inward
+  bool within = true;              // false when max_spheres was too few for the tolerance
+  bool filled = false;             // proved: no point of the body lies outside the balls; only for a gap of 0
+  double normal_error = 0;         // estimate, degrees; only when `smooth` was asked for
+  double volume_ratio = 0;         // estimate of the union's volume over the body's; only for Balance::volume
 };
 
 // Balance::none takes one cover. The others search over the tolerance sum (protrusion plus gap), which takes

@@ -58,6 +58,8 @@ TEST(Pad, NoSphereIsRefused) {
   };
   PadOptions inner{.tolerance = Length::share(0.05), .protrusion = Length::of(0)};
   refused(shapes::square(1), inner, "part.obj: no sphere lies inside of it");
+  inner.min_radius = Length::share(0.5);
+  refused(shapes::box({0, 0, 0}, {1, 1, 1}), inner, "no sphere is as large");
   Mesh bar = shapes::box({0, 0, 0}, {1, 1e-4, 1e-4}), crossing = bar;
   for (Point p : bar.points) crossing.points.push_back(Point(p.y() + 0.5, p.x() - 0.5, p.z()));
   for (auto t : bar.triangles) crossing.triangles.push_back({t[1] + 8, t[0] + 8, t[2] + 8});
@@ -142,6 +144,51 @@ TEST(Pad, WhatCannotBeWrittenDownIsNotCertified) {
   const Padded p = pad(as_file(mesh), {.tolerance = Length::share(0.01)});
   EXPECT_FALSE(p.cluster.accuracy.certified);
   EXPECT_NE(p.report.reason.find("move the mesh"), std::string::npos) << p.report.reason;
+}
+
+// Where spheres inside of the body leave some of it open, the reason is the true one, and the remedy helps.
+TEST(Pad, TheReasonForOpenSurfaceIsTrue) {
+  const auto reason = [](const Mesh& mesh, const PadOptions& options) {
+    const Padded p = pad(as_file(mesh), options);
+    EXPECT_EQ(p.cluster.accuracy.certified, p.report.reason.empty());
+    return p.report.reason;
+  };
+  const auto says = [](const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+  };
+  Mesh fin;
+  fin.points = {{1, 1, 1.5}, {3, 1, 1.5}, {3, 1, 3}, {1, 1, 3}};
+  fin.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const Mesh with_fin = joined(shapes::box({0, 0, 0}, {4, 2, 2}), fin);
+  PadOptions options{.protrusion = Length::of(0), .gap = Length::share(0.04), .effort = 0};
+  const std::string sheet = reason(with_fin, options);
+  EXPECT_TRUE(says(sheet, "is a sheet") && says(sheet, "--thickness") && !says(sheet, "radius")) << sheet;
+  options.thickness = Length::share(0.01);
+  EXPECT_EQ(reason(with_fin, options), "");
+  const Mesh box = shapes::box({0, 0, 0}, {3, 2, 1});
+  for (const double protrusion : {0.0, 0.01}) {
+    PadOptions large{.protrusion = Length::share(protrusion), .gap = Length::share(0.02), .effort = 0};
+    large.min_radius = Length::share(0.1);
+    const std::string limit = reason(box, large);
+    EXPECT_TRUE(says(limit, "--min-radius") && !says(limit, "--protrusion")) << limit;
+    large.min_radius = Length::share(0.01);
+    EXPECT_EQ(reason(box, large), "");
+  }
+}
+
+// There writing a sphere down moves it by more than a protrusion of 0 allows for rounding.
+TEST(Pad, ATinyPartFarAwayKeepsItsSpheresInside) {
+  const Point place(1e6, 1e6, 1e6);
+  const Mesh mesh =
+      moved(shapes::box({0, 0, 0}, {1, 2, 3}), [&](const Point& p) -> Point { return 0.01 * p + place; });
+  const Padded p = pad(as_file(mesh), {.protrusion = Length::of(0), .gap = Length::share(0.05)});
+  EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+  for (std::size_t k = 0; k < p.cluster.size(); k++) {
+    // Against the planes of the box as the file has them.
+    const Vector low = p.cluster.centers[k] - mesh.bounds().low,
+                 high = mesh.bounds().high - p.cluster.centers[k];
+    EXPECT_LE(p.cluster.radii[k], std::min(low.minCoeff(), high.minCoeff())) << k;
+  }
 }
 
 // A part of 10 m at its place on a map: there a double moves a sphere by more than rounding is allowed.

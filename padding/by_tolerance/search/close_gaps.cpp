@@ -18,10 +18,18 @@ constexpr double kRepairSteps = 30;   // exchanges for each of these balls
 constexpr double kSpacing = 0.25;     // of the spots: share of the tolerance sum
 constexpr double kGapMargin = 0.003;  // of their points: share of the tolerance sum
 
-// Adds the worst failures as points to cover, each with a ball of its own that covers it. Returns false if
-// the radius limits allow no such ball.
-bool refine(CoverProblem& problem, const BallGrower& grower, const std::vector<GapPart>& failures,
-            CoverProblem* also) {
+// Why no ball may be chosen that covers p.
+WhyOpen why_open(const BallGrower& grower, const Point& p, std::uint32_t triangle) {
+  BallLimits any_size = grower.limits();
+  any_size.min_radius = 0;
+  const Ball ball = BallGrower(grower.surface(), any_size).medial(p, triangle);
+  return ball.radius + any_size.protrusion > 0 ? WhyOpen::min_radius : WhyOpen::no_inside;
+}
+
+// Adds the worst failures as points to cover, each with a ball of its own that covers it. Where there is no
+// such ball for any of them, it returns the worst.
+OpenSpot refine(CoverProblem& problem, const BallGrower& grower, const std::vector<GapPart>& failures,
+                CoverProblem* also) {
   const double tolerance_sum = grower.limits().tolerance_sum;
   std::vector<std::uint32_t> order = numbered(failures.size());
   std::stable_sort(order.begin(), order.end(),
@@ -35,32 +43,38 @@ bool refine(CoverProblem& problem, const BallGrower& grower, const std::vector<G
     medials[k] = grower.medial(points[taken[k]], failures[taken[k]].triangle);
   std::vector<CoverPoint> fresh;
   std::vector<Candidate> candidates;
+  OpenSpot open;
   for (std::size_t k = 0; k < taken.size(); k++) {
     const std::size_t before = candidates.size();
     grower.propose(points[taken[k]], failures[taken[k]].triangle, medials[k], candidates);
     // A ball must cover the spot with room to spare, or what is around it fails in the next round.
-    if (candidates.size() > before) fresh.push_back({points[taken[k]], kGapMargin * tolerance_sum});
+    if (candidates.size() > before) {
+      fresh.push_back({points[taken[k]], kGapMargin * tolerance_sum});
+    } else if (open.why == WhyOpen::nothing) {
+      open = {why_open(grower, points[taken[k]], failures[taken[k]].triangle), points[taken[k]]};
+    }
   }
   problem.add(fresh, candidates);
   if (also) also->add(fresh, candidates);
-  return !fresh.empty();
+  return fresh.empty() ? open : OpenSpot();
 }
 
 }  // namespace
 
-bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
-                CoverProblem* also) {
+OpenSpot close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
+                    CoverProblem* also) {
   OpenPieces open(grower.surface().mesh(), grower.limits().gap);
-  // The cap is for surface that a radius limit leaves open.
   for (int round = 0;; round++) {
     const std::vector<GapPart> failures =
         open.failures(attempt.balls(), kSpacing * grower.limits().tolerance_sum);
-    if (failures.empty()) return true;
+    if (failures.empty()) return {};
     const bool search = round < kSearchedRounds;
     if (search) watch.tick();
     watch.check();
     if (places > 0) attempt.try_places(grower, search ? places : 0);
-    if (round == kMostGapRounds || !refine(attempt.problem, grower, failures, also)) return false;
+    if (round == kMostGapRounds) return {WhyOpen::unfinished, failures.front().point};
+    if (const OpenSpot left = refine(attempt.problem, grower, failures, also); left.why != WhyOpen::nothing)
+      return left;
     const std::vector<char> all(attempt.chosen.size(), search);
     if (places == 0 || round >= kRepairedRounds) {
       attempt.solve(search ? steps : 0);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // From a cover of points to one of the whole surface, with the proof.
 #pragma once
+#include "padding/by_tolerance/open_spot.h"
 #include "padding/by_tolerance/search/attempt.h"
 #include "padding/by_tolerance/watch.h"
 
@@ -11,11 +12,11 @@ namespace padder {
 // so. The last only add, so that they end.
 inline constexpr int kSearchedRounds = 5;
 
-// Makes the spots that the certificate finds points to cover, until it finds none. Returns false if the
-// radius limits leave some. In each searched round, the search makes `steps` exchanges for each ball and
-// tries so many places around each; with 0 balls are only added. `also`, if there is one, gets the same
-// points and balls.
-bool close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
-                CoverProblem* also);
+// Makes the spots that the certificate finds points to cover, until it finds none. Returns the
+// worst that stays open, if one does. In each searched round, the search makes `steps` exchanges for each
+// ball and tries so many places around each; with 0 balls are only added. `also`, if there is one, gets the
+// same points and balls.
+OpenSpot close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
+                    CoverProblem* also);
 
 }  // namespace padder

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Grows the balls that may be chosen for a cover.
 #pragma once
+#include <optional>
+
 #include "padding/by_tolerance/search/cover_problem.h"
 #include "padding/geometry/random.h"
 #include "padding/geometry/surface.h"
@@ -22,7 +24,8 @@ class BallGrower {
   BallGrower(const Surface& surface, const BallLimits& limits) : surface_(surface), limits_(limits) {}
 
   // The medial ball that touches p, on this triangle. `guess` is about its radius, or 0; `inner` is a ball
-  // nearby that lies inside (medial.h).
+  // nearby that lies inside (medial.h). Where that is too small to be chosen, as in a sharp edge that no ball
+  // may stand out of, it is a larger ball that covers p, if one was found.
   Ball medial(const Point& p, std::uint32_t triangle, double guess = 0, const Ball& inner = {}) const;
   // Adds this medial ball of p, dilated, unless it is too small.
   void propose(const Point& p, std::uint32_t triangle, const Ball& medial,
@@ -38,6 +41,13 @@ class BallGrower {
   const BallLimits& limits() const { return limits_; }
 
  private:
+  std::optional<Ball> ball_beside(const Point& p, std::uint32_t triangle) const;
+  // May this inner ball be chosen, dilated?
+  bool allows(const Ball& inner) const {
+    const double radius = inner.radius + limits_.protrusion;
+    return radius > 0 && radius >= limits_.min_radius;
+  }
+
   const Surface& surface_;
   const BallLimits limits_;
 };

@@ -6,6 +6,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/random.h"
+#include "tests/padding/random_input.h"
 #include "tests/padding/shapes.h"
 
 namespace padder {
@@ -84,6 +85,56 @@ TEST_P(CoverShapes, BoundsAreProvedAndSamplingAgrees) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Shapes, CoverShapes, testing::Range(0, 3));
+
+// Wedges, needle cones and flat tetrahedra, turned at random: no ball inside touches their edges, which a
+// ball deeper inside must cover. Half of them have edges far sharper than a right angle.
+Mesh sharp_solid(shapes::RandomInput& random, int kind) {
+  Mesh mesh;
+  const double thin = std::exp(random.uniform(std::log(1e-3), 0));
+  if (kind == 0) {  // 1 long, with the sharp edge at the origin
+    const double width = random.uniform(0.1, 1);
+    mesh.points = {{0, 0, 0}, {1, 0, 0}, {1, width, 0}, {0, width, 0}, {1, 0, thin}, {1, width, thin}};
+    mesh.triangles = {{0, 2, 1}, {0, 3, 2}, {0, 1, 4}, {3, 5, 2}, {1, 2, 5}, {1, 5, 4}, {0, 4, 5}, {0, 5, 3}};
+  } else if (kind == 1) {  // a cone, a needle or a disc
+    const std::uint32_t sides = 3 + static_cast<std::uint32_t>(random.uniform(0, 22));
+    const double radius = random.uniform(0, 1) < 0.5 ? thin : 1, height = radius < 1 ? 1 : thin;
+    for (std::uint32_t k = 0; k < sides; k++) {
+      const double angle = 2 * std::numbers::pi * k / sides;
+      mesh.points.push_back({radius * std::cos(angle), radius * std::sin(angle), 0});
+      mesh.triangles.push_back({k, (k + 1) % sides, sides + 1});
+      mesh.triangles.push_back({(k + 1) % sides, k, sides});
+    }
+    mesh.points.insert(mesh.points.end(), {{0, 0, 0}, {0, 0, height}});
+  } else {
+    const double a = random.uniform(0, 1), b = random.uniform(0, 1);
+    mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {a * b, (1 - a) * b, thin}};
+    mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
+  }
+  const Eigen::Matrix3d rotation = random.rotation();
+  for (Point& p : mesh.points) p = rotation * p;
+  return unit(mesh);
+}
+
+TEST(Cover, BallsInsideCoverSharpEdges) {
+  for (std::uint64_t seed = 1; seed <= 24; seed++) {
+    shapes::RandomInput random(seed);
+    const Surface surface(sharp_solid(random, static_cast<int>(seed % 3)));
+    const double gap = std::exp(random.uniform(std::log(0.01), std::log(0.05)));
+    SCOPED_TRACE(testing::Message() << "seed " << seed << ", gap " << gap);
+    const Cover cover = cover_surface(surface, {.gap = gap, .effort = static_cast<int>(seed % 2)});
+    EXPECT_TRUE(cover.proved);
+    EXPECT_LE(protrusion_bound(surface, cover.balls).max, 0);
+    EXPECT_LE(gap_bound(surface.mesh(), BallSet(cover.balls), gap).upper, gap);
+    const Sampled sampled = sampled_errors(surface, cover.balls, 5000);
+    EXPECT_LE(sampled.gap, gap);
+    EXPECT_LE(sampled.protrusion, 1e-12);
+    // A protrusion too small to matter finds about as many.
+    const Cover free =
+        cover_surface(surface, {.protrusion = 1e-7 * gap, .gap = gap, .effort = static_cast<int>(seed % 2)});
+    EXPECT_TRUE(free.proved);
+    EXPECT_LE(static_cast<double>(cover.balls.size()), 1.1 * static_cast<double>(free.balls.size()) + 3);
+  }
+}
 
 // A minimal cover without one of its balls, or with one of them moved, must be no cover.
 TEST(Cover, CertificateSeesABallRemovedOrMoved) {
