@@ -14,6 +14,12 @@ namespace {
 constexpr double kLargestError = 0.5;    // of the diagonal: any ball inside the body covers everything
 constexpr double kSmallestError = 2e-4;  // of the diagonal: a search for a count goes no lower
 constexpr double kCoverDepth = 0.01;     // share of the protrusion, where no gap is allowed
+// The search for a count goes down a ladder of tolerance sums in strides of so many rungs. Among few balls
+// each rung counts, and some below the best are tried.
+constexpr double kStride = 0.7;
+constexpr int kRungs = 64, kRungsBelow = 8;
+constexpr std::size_t kFewBalls = 32;
+constexpr double kOfGuess = 0.35;  // the tolerance sum of few balls may be this share of its guess
 // Half of what is promised. The other half is for errors of the estimate.
 constexpr double kVolumeGoal = 0.005;
 
@@ -31,13 +37,11 @@ class CullSearch {
     double tolerance_sum = 2 * options_.tolerance;
     if (options_.max_spheres > 0) {
       const double least = mean ? 0 : tolerance_sum;
-      tolerance_sum = tolerance_sum_for_count(options_.max_spheres, least,
-                                              std::max(least, guess_for(options_.max_spheres)));
+      tolerance_sum = tolerance_sum_for_count(options_.max_spheres, least);
       culled.within = !(options_.tolerance > 0) || tolerance_sum <= 2 * options_.tolerance;
     } else if (mean) {
       cover(tolerance_sum);
-      tolerance_sum =
-          tolerance_sum_for_count(cover_.balls.size() + cover_.balls.size() / 2, 0, 0.7 * tolerance_sum);
+      tolerance_sum = tolerance_sum_for_count(cover_.balls.size() + cover_.balls.size() / 2, 0);
     }
     cover(tolerance_sum);
     // The bound on both errors from here on: the tolerance, or what the count allowed.
@@ -64,10 +68,8 @@ class CullSearch {
     // Of one cover that is all; of a search, nobody knows how many covers it takes: each takes a part of what
     // is left.
     const bool one = options_.max_spheres == 0 && options_.smooth <= 0 && options_.balance == Balance::none;
-    const double left = one ? 1 : std::pow(0.75, covers_);
-    options.tell = [this, left, part = one ? 1 : 0.25](double share) {
-      options_.tell(1 - left + left * part * share);
-    };
+    const double part = one ? 1 : options_.max_spheres > 0 ? 0.1 : 0.25, left = std::pow(1 - part, covers_);
+    options.tell = [this, left, part](double share) { options_.tell(1 - left + left * part * share); };
     covers_++;
     return options;
   }
@@ -105,7 +107,7 @@ class CullSearch {
     return balls;
   }
 
-  // The tolerance sum at which the search for a count starts. It is right if the covered discs, each of the
+  // About the tolerance sum that so many balls can keep. It is right if the covered discs, each of the
   // area that one sphere must answer for, lay on a flat whose inner medial balls have the mean thickness. It
   // is rather too large, because small covers are found quickly.
   double guess_for(std::uint64_t count) const {
@@ -117,34 +119,48 @@ class CullSearch {
 
   bool too_many() const { return options_.max_spheres > 0 && cover_.balls.size() > options_.max_spheres; }
 
-  // The smallest tolerance sum, but at least `least`, for which at most `count` balls suffice, found to a few
-  // percent of the count. Counts fall with a power of the sum between 1 and 2, which the search learns on its
-  // way.
-  double tolerance_sum_for_count(std::uint64_t count, double least, double guess) {
-    double low = std::max(least, 2 * kSmallestError * diagonal_), high = 2 * kLargestError * diagonal_;
-    double power = 1.3, best = 0;
-    double last_sum = 0, last_count = 0;
-    for (int step = 0; step < 10; step++) {
-      cover(std::clamp(guess, low, high));
-      const double n = static_cast<double>(cover_.balls.size()), goal = static_cast<double>(count);
-      if (cover_.balls.size() <= count) {
-        high = tolerance_sum_, best = tolerance_sum_, best_ = cover_;
-        if (n >= 0.97 * goal || n + 1 > goal || tolerance_sum_ <= low * 1.001) break;
-      } else {
-        low = tolerance_sum_;
-        if (tolerance_sum_ >= 2 * kLargestError * diagonal_) break;
-      }
-      if (high < 1.02 * low) break;
-      if (last_count > 0 && last_count != n)
-        power = std::clamp(std::log(n / last_count) / std::log(last_sum / tolerance_sum_), 0.7, 2.5);
-      last_sum = tolerance_sum_, last_count = n;
-      // Aim a little below the count: a cover of too many balls is a wasted step.
-      guess = tolerance_sum_ * std::pow(n / (0.985 * goal), 1 / power);
-      if (!(guess > low && guess < high)) guess = std::sqrt(low * high);
+  // A small tolerance sum, but at least `least`, for which at most `count` balls suffice. The search goes
+  // down a ladder of sums until there are too many balls, then halves the last stride. At last it tries some
+  // rungs below, because the number of balls is not quite steady. The next rung depends on nothing but
+  // whether there were too many balls on this one. So a larger count follows the same way, or leaves it for a
+  // smaller sum: its result is never worse.
+  double tolerance_sum_for_count(std::uint64_t count, double least) {
+    least = std::max(least, 2 * kSmallestError * diagonal_);
+    // Where the count is likely to be plenty, one cover says so.
+    if (guess_for(count) < least) {
+      cover(least);
+      if (cover_.balls.size() <= count) return least;
     }
-    if (!(best > 0)) throw Error("no cover with so few spheres was found: allow more spheres");
-    cover_ = best_, tolerance_sum_ = best;
-    return best;
+    const auto sum_of = [&](int rung) {
+      return std::max(least, 2 * kLargestError * diagonal_ * std::pow(kStride, double(rung) / kRungs));
+    };
+    const auto enough = [&](int rung) {
+      cover(sum_of(rung));
+      if (cover_.balls.size() > count) return false;
+      best_ = cover_;
+      return true;
+    };
+    int good = -kRungs, bad = 0;  // the lowest rung that is known to be enough, and one that is not
+    for (; enough(bad); bad += kRungs) {
+      good = bad;
+      if (sum_of(good) == least) break;
+    }
+    if (good < 0) throw Error("no cover with so few spheres was found: allow more spheres");
+    while (bad - good > 1 && !used_up(best_.balls.size(), count)) {
+      const int middle = (good + bad) / 2;
+      (enough(middle) ? good : bad) = middle;
+    }
+    const double few = kOfGuess * guess_for(kFewBalls);
+    for (int rung = good + 1, last = good + kRungsBelow; rung <= last && sum_of(rung) > std::max(few, least);
+         rung++)
+      if (enough(rung)) good = rung;
+    cover_ = best_, tolerance_sum_ = sum_of(good);
+    return tolerance_sum_;
+  }
+
+  // A few balls more or less are a large step of the tolerance sum. Of many, so few are not worth the search.
+  static bool used_up(std::size_t balls, std::uint64_t count) {
+    return balls > kFewBalls && static_cast<double>(balls) >= 0.97 * static_cast<double>(count);
   }
 
   // Shrinks the tolerance sum until the mean normal error is as asked or the count is used up: dents of the

@@ -56,10 +56,10 @@ struct Culled {
 };
 
 // Balance::none takes one cover. The others search over the tolerance sum (protrusion plus gap), which takes
-// 3 to 8 covers. While the sum is fixed, the centres and the number of balls are fixed, too; the dilation can
-// still move between the two bounds without breaking the proof, because balls smaller by s stand out by s
-// less and leave a gap larger by s. Throws Error when neither a tolerance nor a count is given, and what
-// cover_surface throws.
+// 3 to 8 covers, and for a count up to 37, most of them of few balls. While the sum is fixed, the centres and
+// the number of balls are fixed, too; the dilation can still move between the two bounds without breaking the
+// proof, because balls smaller by s stand out by s less and leave a gap larger by s. Throws Error when
+// neither a tolerance nor a count is given, and what cover_surface throws.
 Culled cull(const Surface& surface, const CullOptions& options);
 
 // The expected number of entries in a uniform grid with cells of edge `bin`, when a sphere at a random

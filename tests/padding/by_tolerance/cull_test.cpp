@@ -5,6 +5,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/verify/union_shape.h"
+#include "tests/padding/random_input.h"
 #include "tests/padding/shapes.h"
 
 namespace padder {
@@ -41,6 +42,30 @@ TEST(Cull, CountIsUsedUpAndMoreSpheresAreBetter) {
     EXPECT_GE(static_cast<double>(culled.balls.size()), 0.8 * static_cast<double>(count));
     EXPECT_LT(culled.gap, last);
     last = culled.gap;
+  }
+}
+
+// A larger count is never worse, and no tolerance is kept by so few that the count finds none as small. The
+// rungs of the search are 0.6 % apart.
+TEST(Cull, ASmallCountIsUsedWell) {
+  shapes::RandomInput random(5);
+  const Mesh meshes[] = {shapes::box({0, 0, 0}, {1, 1, 1}), shapes::blob(random, 3),
+                         shapes::torus(1, 0.3, 48, 24)};
+  for (std::size_t m = 0; m < std::size(meshes); m++) {
+    const Surface surface(shapes::unit(meshes[m]));
+    double errors[9] = {1};
+    for (std::uint64_t count = 1; count <= 8; count++) {
+      const Culled culled = cull(surface, {.max_spheres = count});
+      expect_proved(surface, culled);
+      EXPECT_LE(culled.balls.size(), count);
+      errors[count] = culled.gap;
+      EXPECT_LE(errors[count], errors[count - 1]) << "mesh " << m << ", count " << count;
+    }
+    for (double tolerance = 0.45;; tolerance *= 0.9) {
+      const std::size_t count = cull(surface, {.tolerance = tolerance}).balls.size();
+      if (count > 8) break;
+      EXPECT_LE(errors[count], 1.01 * tolerance) << "mesh " << m << ", count " << count;
+    }
   }
 }
 
