@@ -103,13 +103,7 @@ CullOptions cull_options(const PadOptions& options, const Length& tolerance, dou
       c.tolerance -= crack;
   }
   if (c.only_protrusion) *c.only_protrusion -= crack;
-  const auto lessen = [moved](double& error, double least) {
-    if (least > 2 * moved) error -= moved;
-  };
-  lessen(c.tolerance, c.tolerance);
-  // Below 0, each sphere stays so far inside the body. Only the gap must have room for that.
-  if (c.only_protrusion) lessen(*c.only_protrusion, *c.only_gap > 0 ? *c.only_gap : *c.only_protrusion);
-  if (c.only_gap) lessen(*c.only_gap, *c.only_gap);
+  c.keep_back(moved);
   c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
   return c;
 }

@@ -83,7 +83,9 @@ Cluster cover_mesh(const Mesh& mesh, const Length& tolerance, const CoverMeshOpt
   culling.min_radius = in_unit_frame(options.min_radius);
   if (options.max_radius.given()) culling.max_radius = in_unit_frame(options.max_radius);
   culling.effort = options.effort;
-  const Culled culled = cull(surface, culling);
+  culling.keep_back(frame.coarseness());
+  Culled culled = cull(surface, culling);
+  for (Ball& ball : culled.balls) ball.center = frame.written(ball.center);
   const Measured measured = measure(body.mesh, body, surface, culled.balls, {.floor = gap});
 
   for (const Ball& ball : culled.balls) {

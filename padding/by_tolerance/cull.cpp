@@ -251,6 +251,16 @@ class CullSearch {
 
 }  // namespace
 
+void CullOptions::keep_back(double moved) {
+  const auto lessen = [moved](double& error, double room) {
+    if (room > 2 * moved) error -= moved;
+  };
+  lessen(tolerance, tolerance);
+  if (!only_protrusion || !only_gap) return;
+  lessen(*only_protrusion, *only_gap > 0 ? *only_gap : *only_protrusion);
+  lessen(*only_gap, *only_gap);
+}
+
 Culled cull(const Surface& surface, const CullOptions& options) { return CullSearch(surface, options).run(); }
 
 double grid_entries(const std::vector<Ball>& balls, double bin) {

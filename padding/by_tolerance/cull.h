@@ -39,6 +39,10 @@ struct CullOptions {
   int effort = 1;     // as in CoverOptions
   // May be empty; as in CoverOptions. The share of a search over several covers is an estimate.
   TellShare tell;
+
+  // Takes off each error how far writing the balls down may move them, where there is room for that. A
+  // protrusion of 0 falls below 0: then each ball stays so far inside the body.
+  void keep_back(double moved);
 };
 
 // What cull() left.

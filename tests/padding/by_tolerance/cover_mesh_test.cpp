@@ -52,6 +52,27 @@ TEST(CoverMesh, IsCertifiedInTheMeshsOwnFrameAndUnit) {
   EXPECT_EQ(cluster_from_json(to_json(cluster), "again").radii, cluster.radii);
 }
 
+// There writing a sphere down moves it, by more than a protrusion of 0 allows or by more than the tolerance.
+TEST(CoverMesh, ProvesTheSpheresAsTheyAreWritten) {
+  const auto box_at = [](double place) {
+    Mesh mesh = shapes::box({0, 0, 0}, {0.01, 0.02, 0.03});
+    for (Point& p : mesh.points) p += Vector(place, place, place);
+    return mesh;
+  };
+  const CoverMeshOptions inside{.protrusion = Length::of(0), .gap = Length::share(0.05)};
+  for (const double place : {1e4, 1e6}) {
+    const Mesh mesh = box_at(place);
+    const Cluster cluster = cover_mesh(mesh, {}, inside);
+    EXPECT_TRUE(cluster.accuracy.certified) << place;
+    for (std::size_t k = 0; k < cluster.size(); k++) {
+      const Vector low = cluster.centers[k] - mesh.bounds().low,
+                   high = mesh.bounds().high - cluster.centers[k];
+      EXPECT_LE(cluster.radii[k], std::min(low.minCoeff(), high.minCoeff())) << place;
+    }
+  }
+  EXPECT_FALSE(cover_mesh(box_at(1e13), Length::share(0.05)).accuracy.certified);
+}
+
 TEST(CoverMesh, TakesAnAbsoluteTolerance) {
   const Mesh mesh = shapes::box({0, 0, 0}, {4, 2, 1}, 3);
   const Cluster cluster = cover_mesh(mesh, Length::of(0.1));
