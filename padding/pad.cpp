@@ -279,6 +279,14 @@ void store(const RungSpheres& made, const UnitFrame& frame, T& into) {
   }
 }
 
+void warn_if_rough(const PadOptions& options, const Cluster& c, PadReport& report) {
+  const double error = c.accuracy.normal_error_mean_deg;
+  if (options.smooth > 0 && error > options.smooth)
+    report.warnings.push_back(c.source.file + ": the normals are off by " + short_number(error, 3) +
+                              " degrees in the mean, and --smooth asks for " +
+                              short_number(options.smooth, 3) + ": use a smaller tolerance or more spheres");
+}
+
 // The mass of the repaired body. A sheet has none, nor has a surface that faces inward on the whole.
 void set_mass(Cluster& c, const Repaired& body, const UnitFrame& frame, PadReport& report) {
   if (body.kind == BodyKind::sheet) return;
@@ -483,14 +491,14 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   }
 
   c.name = std::filesystem::path(name).stem().string();
-  c.unit = file.unit;
-  c.program = "padder " PADDER_VERSION;
+  c.unit = file.unit, c.program = "padder " PADDER_VERSION;
   c.source = file.source;
   c.source.repair = repair_text(body.report, file.mesh.triangles.size() - input.triangles.size());
   c.settings = settings_json(options, report.diagonal, report.edge_length);
   c.family = options.family, c.mask = options.mask;
   c.bounds = box;
   set_mass(c, body, frame, report);
+  warn_if_rough(options, c, report);
   step("done", 6);
   return out;
 }

@@ -35,8 +35,9 @@ class Work {
     const bool worlds =
         options.path == Path::grid && (loose_have_worlds(input) || (!known && have_worlds(input)));
     if (input.revision != decided_) decided_ = 0;
-    if (may_go_first && !known && !worlds && decided_ == 0)
-      automatic_first_ = first_is_faster(input, options), decided_ = input.revision;
+    if (may_go_first && !known && !worlds && (decided_ == 0 || options.order == Order::stable))
+      automatic_first_ = first_is_faster(input, options),
+      decided_ = options.order == Order::any ? input.revision : 0;
     const bool first = !worlds && goes_first();
     // Most pairs then stay near their place. The search of spheres sees to that itself.
     if (options.history && (worlds || first)) options.order = Order::stable;
@@ -142,21 +143,28 @@ class Work {
     check_memory(input);
     return {input, options, stream_, side_, processors, clock_, list_, options.history ? &history_ : nullptr};
   }
+  // With a stable order it does not depend on poses.
   bool first_is_faster(const Input& input, const CallOptions& options) {
+    BodyCosts costs = tuning::kKnownBodies;
     Input seen = input;
     std::vector<Pose> poses;
-    if (input.poses && input.pose_memory == Memory::device) {
-      check_memory(input);
-      poses.resize(input.bodies.size());
-      const auto stream = static_cast<cudaStream_t>(options.stream);
-      cuda_check(cudaMemcpyAsync(poses.data(), input.poses, poses.size() * sizeof(Pose),
-                                 cudaMemcpyDeviceToHost, stream),
-                 "read the poses");
-      cuda_check(cudaStreamSynchronize(stream), "read the poses");
-      seen.poses = poses.data(), seen.pose_memory = Memory::host;
+    if (options.order == Order::stable) {
+      costs.pair = 0;
+    } else {
+      if (input.revision == 0) costs = tuning::kNewBodies;
+      if (input.poses && input.pose_memory == Memory::device) {
+        check_memory(input);
+        poses.resize(input.bodies.size());
+        const auto stream = static_cast<cudaStream_t>(options.stream);
+        cuda_check(cudaMemcpyAsync(poses.data(), input.poses, poses.size() * sizeof(Pose),
+                                   cudaMemcpyDeviceToHost, stream),
+                   "read the poses");
+        cuda_check(cudaStreamSynchronize(stream), "read the poses");
+        seen.poses = poses.data(), seen.pose_memory = Memory::host;
+      }
     }
-    return bodies_first(seen, options.margin, sphere_count(input),
-                        input.revision == 0 ? tuning::kNewBodies : tuning::kKnownBodies, bodies_.pieces());
+    bodies_.pieces().update(input.shapes);
+    return bodies_first(seen, options.margin, sphere_count(input), costs, bodies_.pieces());
   }
   // Asks where arrays lie that were not there in the previous call.
   void check_memory(const Input& input) {
@@ -230,8 +238,8 @@ class Work {
   SphereSearch spheres_{book_};
   BodySearch bodies_{book_};
   WorldSearch worlds_{book_};
-  // What Bodies::automatic means for the revision `decided_` (0: for no other call). It was decided by the
-  // poses of the first call.
+  // What Bodies::automatic means for the revision `decided_` in any order, by the poses of its first call; 0:
+  // only for the last call.
   bool automatic_first_ = false;
   std::uint64_t decided_ = 0;
   std::optional<Stages> stages_;

@@ -261,25 +261,31 @@ class OmpBackend final : public Backend {
     threads_ = chosen_.choose(options.threads, work);
   }
 
+  bool first_is_faster(const Input& input, const CallOptions& options, std::uint64_t spheres, bool known) {
+    Pieces& pieces = kept_->bodies.pieces();
+    if (!known) pieces.update(input.shapes);
+    return bodies_first(input, options.margin, spheres, kBodyCosts, pieces);
+  }
+
   // A call by any path. `arrays`: null, or where the arrays of the nine stages go.
   Contacts any(const Input& input, const CallOptions& options, Arrays* arrays) {
     begin(options);
     const bool may_go_first = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded;
-    const auto goes_first = [&] { return options.bodies == Bodies::first || automatic_first_; };
-    const bool known = may_go_first && kept_->bodies.knows(input, options.margin) && goes_first();
+    const bool known = may_go_first && kept_->bodies.knows(input, options.margin);
     check_input(input, false, known);
     const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
-    choose_threads(options, known ? kept_->bodies.work() : n);
     if (!known && options.path == Path::grid && has_worlds(input)) {
+      choose_threads(options, n);
       kept_->bodies.forget();
       Contacts c;
       kept_->worlds.run(input, options, threads_, kept_->records, c.seconds);
       return delivered(c, n, options);
     }
+    const bool first =
+        may_go_first && (options.bodies == Bodies::first || first_is_faster(input, options, n, known));
+    choose_threads(options, known && first ? kept_->bodies.work() : n);
     const Spheres& s = input.spheres;
-    if (may_go_first && !known)
-      automatic_first_ = bodies_first(input, options.margin, n, kBodyCosts, kept_->bodies.pieces());
-    if (may_go_first && goes_first()) {
+    if (first) {
       Contacts c;
       if (kept_->bodies.run(input, options, threads_, kept_->records, c.seconds))
         return delivered(c, n, options);
@@ -407,9 +413,6 @@ class OmpBackend final : public Backend {
   std::unique_ptr<omp::History> history_ = std::make_unique<omp::History>(budget_);
   omp::Threads chosen_;
   int threads_ = 1;
-  // What Bodies::automatic decided when the revision was new. It stays so for that revision, because a list
-  // in stable order must not depend on how the previous call was made.
-  bool automatic_first_ = false;
   double place_seconds_ = 0;
 };
 

@@ -5,6 +5,7 @@
 
 namespace padder {
 
+// Why a spot is open.
 enum class WhyOpen {
   nothing,     // all is covered
   min_radius,  // no ball as large as min_radius was found that covers it
@@ -12,6 +13,7 @@ enum class WhyOpen {
   unfinished   // the search came to its last round
 };
 
+// Of several, the worst.
 struct OpenSpot {
   WhyOpen why = WhyOpen::nothing;
   Point at = Point::Zero();  // of the surface

@@ -337,6 +337,29 @@ TEST_P(BodiesTest, TheListDoesNotDependOnTheCallBefore) {
   }
 }
 
+// Nor does the place where the revision began.
+TEST_P(BodiesTest, TheListDoesNotDependOnThePosesOfTheFirstCall) {
+  std::vector<Sphere> rod;
+  for (int k = 0; k < 100; k++) rod.push_back({k - 50.0, 0, 0, 0.6});
+  BodiesScene crowded = strewn({rod}, 3000, 0, 60, 15), wide = crowded;
+  for (std::size_t b = 0; b < wide.bodies.size(); b++)
+    for (double& p : wide.bodies[b].position) p *= b % 2 ? 1000 : 1;
+  std::vector<std::uint32_t> all(wide.bodies.size());
+  std::iota(all.begin(), all.end(), 0u);
+  for (const bool crowded_first : {true, false})
+    for (const std::uint64_t revision : {0, 1}) {
+      CallOptions automatic = options_;
+      automatic.bodies = Bodies::automatic;
+      Detector used(device_, automatic), fresh(device_, automatic);
+      Input before = (crowded_first ? crowded : wide).input(), now = (crowded_first ? wide : crowded).input();
+      before.revision = now.revision = revision, now.moved = all;
+      used.detect(before);
+      const Contacts &a = used.detect(now), &b = fresh.detect(now);
+      ASSERT_EQ(a.count, b.count);
+      EXPECT_TRUE(std::equal(a.pairs, a.pairs + a.count, b.pairs)) << crowded_first << ", " << revision;
+    }
+}
+
 // What is wrong is named as the other path names it, and the detector stays usable.
 TEST_P(BodiesTest, FaultsAreNamed) {
   BodiesScene good = strewn({blob(100, 1, 0.1, 0.3, 3)}, 12, 50, 1.5, 13);

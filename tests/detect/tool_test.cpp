@@ -100,7 +100,6 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
   for (const char* length : {"--bin-size -1", "--bin-size 1e101", "--margin 1e101", "--margin -1"})
     EXPECT_EQ(run(std::string("dense.json --backend omp ") + length).code, 2) << length;
   EXPECT_NE(run("dense.json --devices 65537").err.find("1 to 9999"), std::string::npos);
-  EXPECT_EQ(run("dense.json --backend omp -q -v").err, "");
   EXPECT_EQ(run("dense.json --devices 1000").code, 1);
   for (const char* threads : {"0", "-1", "1025", "100000", "2000000000", "3000000000"}) {
     const Outcome r = run(std::string("dense.json --backend omp --threads ") + threads);

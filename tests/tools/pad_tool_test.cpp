@@ -175,6 +175,15 @@ TEST_F(Pad, OfSeveralMeshesTheSentenceNamesTheOne) {
   }
 }
 
+TEST_F(Pad, ASmoothnessThatIsMissedIsSaid) {
+  cube("a.obj");
+  const Outcome rough = pad("a.obj --max-spheres 20 --smooth 1 --json");
+  ASSERT_EQ(rough.code, 0) << rough.err;
+  EXPECT_NE(rough.err.find("--smooth asks for 1"), std::string::npos) << rough.err;
+  EXPECT_EQ(Json::parse(rough.out)["warnings"].size(), 1u);
+  EXPECT_EQ(pad("a.obj --tolerance 5% --smooth 60 -q").err, "");
+}
+
 TEST_F(Pad, WithoutRepairWhatFacesInwardIsSaid) {
   put("turned.obj", obj_of(shapes::turned_over(shapes::box({0, 0, 0}, {1, 1, 1}))));
   const Outcome run = pad("turned.obj --repair never --tolerance 5% --json");

@@ -103,7 +103,7 @@ int run_boxes(const Arguments& a) {
   }
   const BoxReport& r = boxed.report();
   const Json report = report_of(a, scene, options, r, boxed.backend());
-  if (a.verbose && !a.quiet) print_seconds(report["seconds"]);
+  if (a.verbose) print_seconds(report["seconds"]);
   if (a.json) {
     padder::cli::print_json(report);
     return 0;

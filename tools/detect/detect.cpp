@@ -219,7 +219,7 @@ int find_contacts(Arguments& a) {
   Json seconds = Json::object();
   for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
   seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
-  if (a.verbose && !a.quiet) print_seconds(seconds);
+  if (a.verbose) print_seconds(seconds);
   Json report = {{"spheres", c.spheres},
                  {"bodies", scene.bodies.size()},
                  {"contacts", c.count},

@@ -207,7 +207,7 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
   const PadFiles files{file, target.first.path, target.mesh, a.density};
   if (!a.json && !a.quiet) print_report(files, padded);
   Json report = report_json(files, a.options, padded, warnings);
-  if (a.verbose && !a.quiet) print_seconds(report);
+  if (a.verbose) print_seconds(report);
   return report;
 }
 

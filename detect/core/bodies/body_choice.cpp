@@ -89,11 +89,10 @@ double touching_balls(const Input& input, double margin, const Pieces& pieces) {
 }
 
 bool bodies_first(const Input& input, double margin, std::uint64_t spheres, const BodyCosts& costs,
-                  Pieces& pieces) {
+                  const Pieces& pieces) {
   // Expanded, two static spheres would be a contact.
   if (marks_static(input)) return true;
   if (input.bodies.empty()) return false;
-  pieces.update(input.shapes);
   std::uint64_t balls = 0;
   for (const Body& b : input.bodies) {
     if (b.is_static) return true;
@@ -104,7 +103,8 @@ bool bodies_first(const Input& input, double margin, std::uint64_t spheres, cons
   // A loose sphere costs as much again, because it is brought into the balls' order as well.
   const double left = of_bodies - costs.call - costs.body * static_cast<double>(input.bodies.size()) -
                       costs.ball * static_cast<double>(balls) - loose;
-  return left > 0 && (costs.pair == 0 || costs.pair * touching_balls(input, margin, pieces) < left);
+  if (left <= 0 || costs.pair == 0) return left > 0;
+  return costs.pair * touching_balls(input, margin, pieces) < left;
 }
 
 }  // namespace padder::detect

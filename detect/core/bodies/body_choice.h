@@ -15,11 +15,14 @@ struct BodyCosts {
   double pair = 0;  // of balls that touch: the spheres of two pieces are tested. 0: these are not counted
 };
 
-// Must bodies be searched first, or is it faster? The decision depends on nothing but the input, because a
-// stable list has another order either way. `spheres`: all of them, loose ones too. `pieces` are updated to
-// the shapes. Poses and loose spheres that lie in device memory are not read: then as if no balls touched.
+// Must bodies be searched first, or is it faster? `spheres`: all of them, loose ones too. `pieces`: of the
+// shapes. Poses and loose spheres that lie in device memory are not read: then as if no balls touched.
+//
+// A stable list has another order either way, and must be that of a new detector that is given the scene
+// without a revision. So a stable order needs a decision that depends on nothing but where everything is now,
+// or, with costs.pair 0, not even on that.
 bool bodies_first(const Input& input, double margin, std::uint64_t spheres, const BodyCosts& costs,
-                  Pieces& pieces);
+                  const Pieces& pieces);
 
 // How many pairs of balls touch, of pieces of two bodies, or of a piece and a loose sphere. Long and hollow
 // bodies have many such pairs with few contacts. Estimated from a sample: of n bodies, the larger of 128 and

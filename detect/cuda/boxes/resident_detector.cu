@@ -106,6 +106,7 @@ void ResidentDetector::Work::check_bodies(const Input& bodies) {
   have_worlds_ = bodies_have_worlds(bodies);
   BodyCosts costs = cuda::tuning::kKnownBodies;
   costs.pair = 0;  // the poses may be given in parts
+  pieces_.update(bodies.shapes);
   bodies_first_ = bodies_first(bodies, 0, body_spheres_, costs, pieces_);
 }
 

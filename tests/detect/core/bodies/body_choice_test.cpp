@@ -55,6 +55,7 @@ struct Strewn {
   bool first(const BodyCosts& costs) {
     Pieces pieces;
     const Input in = input();
+    pieces.update(in.shapes);
     std::uint64_t spheres = in.spheres.count;
     for (const Body& b : in.bodies) spheres += in.shapes[b.shape].count;
     return bodies_first(in, 0, spheres, costs, pieces);
