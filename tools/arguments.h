@@ -40,7 +40,7 @@ inline CLI::Validator decimal() {
                    "decimal number");
 }
 
-// What the detector takes.
+// A length in the unit of a scene, as the detector takes it.
 inline CLI::Validator distance() {
   return accepting([](auto& text) { return number_of<double>(text).value_or(NAN) <= 1e100; },
                    "length: write a decimal number of at most 1e100");

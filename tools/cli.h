@@ -35,6 +35,13 @@ struct UsageError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// Throws UsageError, the option and `why`, if one of these options was given.
+inline void refuse_options(const CLI::App& app, std::initializer_list<const char*> options,
+                           const std::string& why) {
+  for (const char* option : options)
+    if (app.count(option) > 0) throw UsageError(option + why);
+}
+
 // Throws UsageError where an option was given an empty text, as by a script whose variable is not set: to
 // take it for an option that was left out would lose what the work was done for.
 inline void refuse_empty(const CLI::App& app) {

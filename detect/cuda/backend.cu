@@ -238,8 +238,8 @@ class Work {
   SphereSearch spheres_{book_};
   BodySearch bodies_{book_};
   WorldSearch worlds_{book_};
-  // What Bodies::automatic means for the revision `decided_` in any order, by the poses of its first call; 0:
-  // only for the last call.
+  // What Bodies::automatic meant in the last call. In any order, further calls of the revision `decided_`
+  // keep to it; 0: no revision does.
   bool automatic_first_ = false;
   std::uint64_t decided_ = 0;
   std::optional<Stages> stages_;

@@ -98,9 +98,9 @@ Json shapes(const Settings& s) {
                              "first [ms]", "expanded", "automatic", "over the faster"}});
   for (const detect::BackendKind backend : backends(s))
     for (const Case& c : kCases) {
+      if (!s.scene.empty() && s.scene != c.shape) continue;
       const bool cuda = backend == detect::BackendKind::cuda;
       const detect::BodyScene scene{shape_of(c.shape, c.spheres), strewn(c.bodies, c.spheres, c.spacing)};
-      if (!s.scene.empty() && s.scene != c.shape) continue;
       for (const bool anew : {false, true}) {
         say(s, std::string(c.shape) + " " + std::to_string(c.spheres) + " x " + std::to_string(c.bodies));
         const DeviceBodies bodies(scene, ~0u, cuda && !anew);

@@ -75,11 +75,9 @@ void check_conversion(const PadArguments& a, const std::map<std::string, std::st
 
 void check_robot_options(const CLI::App& app, const std::vector<std::string>& files) {
   if (std::ranges::any_of(files, is_robot)) return;
-  for (const std::string option :
-       {"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"})
-    if (app.count(option) > 0)
-      throw cli::UsageError(option + " is for a robot, and " + cli::StreamFiles::spoken(files[0]) +
-                            " is none");
+  cli::refuse_options(
+      app, {"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"},
+      " is for a robot, and " + cli::StreamFiles::spoken(files[0]) + " is none");
 }
 
 namespace {

@@ -196,12 +196,8 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   if (a.meshes.empty())
     throw UsageError("name a mesh, a folder of meshes, or --manifest FILE (see pad --help)");
   check_options(a);
-  const auto refuse = [&](std::initializer_list<const char*> options, const std::string& why) {
-    for (const char* option : options)
-      if (app.count(option) > 0) throw UsageError(option + why);
-  };
-  refuse({"--shard", "--workers", "--page"},
-         " is for a folder of meshes or a --manifest, and there is neither");
+  cli::refuse_options(app, {"--shard", "--workers", "--page"},
+                      " is for a folder of meshes or a --manifest, and there is neither");
   check_robot_options(app, a.meshes);
   for (const std::string& folder : a.package_folders)
     if (std::error_code code; !fs::is_directory(folder, code))

@@ -106,19 +106,17 @@ void declare(CLI::App& app, Arguments& a) {
 }
 
 void check(const Arguments& a, const CLI::App& app) {
-  const auto refuse = [&](std::initializer_list<const char*> options, const char* why) {
-    for (const char* option : options)
-      if (app.count(option) > 0) throw UsageError(option + std::string(why));
-  };
+  using padder::cli::refuse_options;
   const std::string ending = fs::path(a.output).extension().string();
-  if (a.make.empty()) refuse({"--count", "--cluster", "--seed"}, " is for --make: leave it out");
-  if (a.output.empty()) refuse({"--frames"}, " counts what -o writes: name a file with -o");
+  if (a.make.empty()) refuse_options(app, {"--count", "--cluster", "--seed"}, " is for --make: leave it out");
+  if (a.output.empty()) refuse_options(app, {"--frames"}, " counts what -o writes: name a file with -o");
   if (!a.make.empty()) {
     if (!a.scene.empty()) throw UsageError("--make makes the scene: leave " + a.scene + " out");
     if (ending == ".json")
-      return refuse({"--steps", "--frames", "--until-rest", "--checkpoint", "--resume", "--skin", "--lod",
-                     "--backend", "--threads"},
-                    " is for settling, and -o FILE.json writes the scene alone: leave it out");
+      return refuse_options(app,
+                            {"--steps", "--frames", "--until-rest", "--checkpoint", "--resume", "--skin",
+                             "--lod", "--backend", "--threads"},
+                            " is for settling, and -o FILE.json writes the scene alone: leave it out");
     if (a.output.empty())
       throw UsageError("--make: name with -o what to write: FILE.json for the scene, FILE.html to settle it");
   } else if (a.scene.empty()) {

@@ -29,14 +29,15 @@ std::uint64_t scattered(std::uint64_t k, std::uint64_t n) {
   return (k ^ k >> 31) % n;
 }
 
-// Calls each(k) for about `most` of the numbers below n, spread evenly but for chance: things are often
-// listed in a pattern.
+// Calls each(k, m) for some of the numbers below n, each of which stands for m. They are spread evenly but
+// for chance, because things are often listed in a pattern.
 template <class Each>
-void for_some(std::uint64_t n, std::uint64_t most, const Each& each) {
-  const std::uint64_t count = std::min(n, most);
+void for_some(std::uint64_t n, const Each& each) {
+  const auto most = 2 * static_cast<std::uint64_t>(std::sqrt(static_cast<double>(n))),
+             count = std::min<std::uint64_t>(n, std::max<std::uint64_t>(128, most));
   for (std::uint64_t k = 0; k < count; k++) {
     const std::uint64_t from = k * n / count, to = (k + 1) * n / count;
-    each(from + scattered(k, to - from));
+    each(from + scattered(k, to - from), static_cast<double>(n) / static_cast<double>(count));
   }
 }
 
@@ -55,27 +56,20 @@ int touched(const Sample& s, std::size_t i, std::size_t first, float margin) {
 }  // namespace
 
 double touching_balls(const Input& input, double margin, const Pieces& pieces) {
-  const std::uint64_t n = input.bodies.size(), loose = loose_count(input);
-  const auto most = [](std::uint64_t of) {
-    return std::max<std::uint64_t>(128, 2 * static_cast<std::uint64_t>(std::sqrt(static_cast<double>(of))));
-  };
   Sample s;
   if (!has_device_poses(input))
-    for_some(n, most(n), [&](std::uint64_t b) {
+    for_some(input.bodies.size(), [&](std::uint64_t b, double bodies) {
       const Body body = body_at(input, b);
       const std::uint32_t first = pieces.shape_first[body.shape],
                           count = pieces.shape_first[body.shape + 1] - first;
       if (count == 0) return;
       const Piece& piece = pieces.pieces[first + scattered(b, count)];
-      const double one_of = static_cast<double>(n) / static_cast<double>(std::min(n, most(n)));
-      s.add(ball_of(body, piece), count * one_of, filter_of(body, static_cast<std::uint32_t>(b)));
+      s.add(ball_of(body, piece), count * bodies, filter_of(body, static_cast<std::uint32_t>(b)));
     });
   const std::size_t of_bodies = s.size();
   if (input.spheres.memory == Memory::host)
-    for_some(input.spheres.count, most(loose), [&](std::uint64_t k) {
-      s.add(loose_at(input.spheres, k),
-            static_cast<double>(loose) / static_cast<double>(std::min(loose, most(loose))),
-            filter_at(input.spheres, k));
+    for_some(input.spheres.count, [&](std::uint64_t k, double spheres) {
+      s.add(loose_at(input.spheres, k), spheres, filter_at(input.spheres, k));
     });
   double pairs = 0;
   const auto reach = static_cast<float>(margin);

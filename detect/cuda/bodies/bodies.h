@@ -15,8 +15,8 @@ class BodySearch {
   explicit BodySearch(MemoryBook& book);
 
   bool knows(const Input& input) const { return input_.knows(input); }  // by its revision
-  // A call went another way: what moved in it was not seen.
   Pieces& pieces() { return input_.pieces(); }
+  // A call went another way: what moved in it was not seen.
   void forget() { input_.forget(); }
 
   // All contacts into call.list, their number and that of the spheres to `contacts`. False: something is out

@@ -3,8 +3,8 @@
 #pragma once
 #include <vector>
 
-#include "detect/core/input.h"
 #include "detect/core/bodies/pieces.h"
+#include "detect/core/input.h"
 #include "detect/cuda/device/memory.h"
 #include "detect/detector.h"
 

@@ -6,8 +6,8 @@
 #include <numeric>
 #include <string>
 
-#include "detect/core/bodies/assembly.h"
 #include "detect/core/backend.h"
+#include "detect/core/bodies/body_choice.h"
 #include "detect/core/errors.h"
 #include "detect/core/input.h"
 #include "detect/cuda/boxes/resident_work.h"
