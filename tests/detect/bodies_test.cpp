@@ -342,8 +342,8 @@ TEST_P(BodiesTest, TheListDoesNotDependOnThePosesOfTheFirstCall) {
   std::vector<Sphere> rod;
   for (int k = 0; k < 100; k++) rod.push_back({k - 50.0, 0, 0, 0.6});
   BodiesScene crowded = strewn({rod}, 3000, 0, 60, 15), wide = crowded;
-  for (std::size_t b = 0; b < wide.bodies.size(); b++)
-    for (double& p : wide.bodies[b].position) p *= b % 2 ? 1000 : 1;
+  for (Body& b : wide.bodies)
+    for (double& p : b.position) p *= 20;
   std::vector<std::uint32_t> all(wide.bodies.size());
   std::iota(all.begin(), all.end(), 0u);
   for (const bool crowded_first : {true, false})
