@@ -253,8 +253,8 @@ inline double high_of(const Level& l, int axis) {
 // Host code. Do the bounds of two levels lie so far from each other that none of their spheres touch?
 bool lie_apart(const Level& a, const Level& b);
 // Host code. What it costs on a CPU that a sphere of level `from` searches level `at`: nanoseconds, good
-// enough to compare two ways.
-double coarse_to_fine_cost(const Level& from, const Level& at);
-double fine_to_coarse_cost(const Level& from, const Level& at);
+// enough to compare two ways. `probed`: ProbedLevels::in_bin(at, from).
+double coarse_to_fine_cost(const Level& from, const Level& at, double probed = 0);
+double fine_to_coarse_cost(const Level& from, const Level& at, double probed = 0);
 
 }  // namespace padder::detect

@@ -52,7 +52,8 @@ class BinDensity {
 };
 
 // The functions below estimate what the search costs on a CPU, in nanoseconds. The constants were measured on
-// one machine. Spheres are assumed to be spread evenly over the box of their octave or level.
+// one machine. Spheres are assumed to be spread evenly over the box of their octave or level, or to be as
+// many in a bin as probes say, if that is more.
 double bins_along(const Summary::Octave& o, int axis, double size) {
   return (o.high[axis] - o.low[axis]) / size + 1;
 }
@@ -73,22 +74,26 @@ double row_cost(double candidates) { return 4.5 * std::max(1.0, candidates / 8 +
 // The cost of a sphere of `from` that searches the finer level `at`, whose bins have this size, row by row. A
 // radius of 0.7 of the largest one is taken for the usual one, and the ball around the sphere crosses 0.8 of
 // the rows in the box around it.
-double coarse_to_fine_cost(const Summary::Octave& from, const Summary::Octave& at, double size) {
+double coarse_to_fine_cost(const Summary::Octave& from, const Summary::Octave& at, double size,
+                           double probed) {
   if (!(size > 0)) return 0;
-  const double search_radius = 0.7 * from.radius_max + at.radius_max, wide = 2 * search_radius / size + 1;
+  const double search_radius = 0.7 * from.radius_max + at.radius_max, wide = 2 * search_radius / size + 1,
+               density = std::max(density_of(at, size), probed);
   double rows = 0.8;
   for (int c = 1; c < 3; c++) rows *= std::min(wide, bins_along(at, c, size));
-  const double row = 8 + row_cost(density_of(at, size) * 0.8 * std::min(wide, bins_along(at, 0, size)));
+  const double row = 8 + row_cost(density * 0.8 * std::min(wide, bins_along(at, 0, size)));
   return 15 + fraction_near(from, at, search_radius) * (25 + rows * row);
 }
 // The cost of a sphere of `from` that searches the coarser level `at`, whose bins have this size. It finds
 // all spheres that reach into its bin in one list. Its part of the cost of the lists counts, too.
-double fine_to_coarse_cost(const Summary::Octave& from, const Summary::Octave& at, double size) {
-  const double wide = (1.4 * at.radius_max + 2 * from.radius_max) / size + 1, listed = wide * wide * wide,
+double fine_to_coarse_cost(const Summary::Octave& from, const Summary::Octave& at, double size,
+                           double probed) {
+  const double density = std::max(density_of(at, size), probed),
+               wide = (1.4 * at.radius_max + 2 * from.radius_max) / size + 1, listed = wide * wide * wide,
                reach = from.radius_max + at.radius_max;
   return 6 +
          fraction_near(from, at, reach) *
-             (3 + 4 * std::min(listed * density_of(at, size), static_cast<double>(at.count))) +
+             (3 + 4 * std::min(listed * density, static_cast<double>(at.count))) +
          static_cast<double>(at.count) / static_cast<double>(from.count) *
              (5 + fraction_near(at, from, reach) * 5 * listed);
 }
@@ -111,29 +116,49 @@ TwoOctaves as_octaves(const Level& from, const Level& at) {
     std::copy_n(two.at.low, 3, two.from.low), std::copy_n(two.at.high, 3, two.from.high);
   return two;
 }
+// The cost of the search between two octaves, if each is a level of its own.
+struct CrossCosts {
+  double by_coarse[kMaxLevels][kMaxLevels] = {}, by_fine[kMaxLevels][kMaxLevels] = {};  // [coarser][finer]
+};
+CrossCosts cross_costs(const Octaves& octaves, const ProbedDensity& probed) {
+  CrossCosts cost;
+  for (std::size_t f = 0; f < octaves.size(); f++)
+    for (std::size_t c = f + 1; c < octaves.size(); c++) {
+      const Summary::Octave &fine = octaves[f], &coarse = octaves[c];
+      cost.by_coarse[c][f] = static_cast<double>(coarse.count) *
+                             coarse_to_fine_cost(coarse, fine, fine.need_max, probed.in_bin(f, f, c));
+      cost.by_fine[c][f] = static_cast<double>(fine.count) *
+                           fine_to_coarse_cost(fine, coarse, coarse.need_max, probed.in_bin(c, c, f));
+    }
+  return cost;
+}
 // The cost of making octaves a to b one level, for CrossSearch::cheaper: of the search of this level by its
-// own spheres, and, for each coarser octave, of the search between the two in the direction that costs less.
-// `all`: those octaves as one.
+// own spheres, and, for each other octave, half of the cost of the search between the two, in the direction
+// that costs less. The other half is counted with the level of the other octave. How crowded the bins of this
+// level are is known then, but not those of the other: it is taken to be a level of its own. `all`: octaves a
+// to b as one.
 double cheaper_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all,
-                    const ProbedDensity& probed) {
+                    const ProbedDensity& probed, const CrossCosts& alone) {
   const double size = all.need_max, own = 10;
   const double several = 8;  // for finding a sphere's level and key, where there is more than one level
   if (!(size > 0)) return 0;
   double cost = b + 1 - a < octaves.size() ? several * static_cast<double>(all.count) : 0;
-  for (std::size_t k = a; k <= b; k++) {
+  for (std::size_t k = 0; k < octaves.size(); k++) {
     const Summary::Octave& o = octaves[k];
-    double density = 0;
-    for (std::size_t q = a; q <= b; q++) {
-      const Summary::Octave& other = octaves[q];
-      density += density_of(other, size) * fraction_near(o, other, size);
+    const auto count = static_cast<double>(o.count);
+    if (k >= a && k <= b) {
+      double density = 0;
+      for (std::size_t q = a; q <= b; q++)
+        density += density_of(octaves[q], size) * fraction_near(o, octaves[q], size);
+      density = std::max(density, probed.in_bin(a, b, k));
+      cost += count * (own + 5 * row_cost(3 * density));
+      continue;
     }
-    density = std::max(density, probed.in_bin(a, b, k));
-    cost += static_cast<double>(o.count) * (own + 5 * row_cost(3 * density));
-  }
-  for (std::size_t k = b + 1; k < octaves.size(); k++) {
-    const Summary::Octave& o = octaves[k];
-    cost += std::min(static_cast<double>(o.count) * coarse_to_fine_cost(o, all, size),
-                     static_cast<double>(all.count) * fine_to_coarse_cost(all, o, o.need_max));
+    double other_way = 0;
+    for (std::size_t q = a; q <= b; q++) other_way += k > b ? alone.by_fine[k][q] : alone.by_coarse[q][k];
+    const double each =
+        (k > b ? coarse_to_fine_cost : fine_to_coarse_cost)(o, all, size, probed.in_bin(a, b, k));
+    cost += std::min(count * each, other_way) / 2;
   }
   return cost;
 }
@@ -284,6 +309,8 @@ std::vector<std::size_t> cheapest(const Octaves& octaves, std::uint64_t count, C
                single = down ? -4 * static_cast<double>(count) : 0;
   double best[kMaxLevels + 1] = {};
   std::size_t from[kMaxLevels + 1] = {};
+  const bool cheaper = cross_search == CrossSearch::cheaper;
+  const CrossCosts cross = cheaper ? cross_costs(octaves, probed) : CrossCosts();
   double alone[kMaxLevels];
   for (std::size_t k = 0; k < n; k++) alone[k] = density_of(octaves[k], octaves[k].need_max);
   for (std::size_t b = 0; b < n; b++) {
@@ -293,8 +320,8 @@ std::vector<std::size_t> cheapest(const Octaves& octaves, std::uint64_t count, C
     for (std::size_t a = b + 1; a-- > 0;) {
       join(all, octaves[a]);
       double cost;
-      if (cross_search == CrossSearch::cheaper) {
-        cost = cheaper_cost(octaves, a, b, all, probed);
+      if (cheaper) {
+        cost = cheaper_cost(octaves, a, b, all, probed, cross);
       } else {
         density.add(a);
         cost = own_cost(octaves, a, b, density, !down);
@@ -329,7 +356,8 @@ std::vector<Run> divide_into_levels(const Summary& s, CrossSearch cross_search) 
   Octaves octaves;
   for (const Run& run : runs) octaves.push_back(joined(near, run));
   const std::vector<std::size_t> begins =
-      cheapest(octaves, s.count, cross_search, ProbedDensity(s, groups_of(s, runs)));
+      cheapest(octaves, s.count, cross_search,
+               ProbedDensity(s, groups_of(s, runs), crowded_from(s.count, cross_search)));
   std::vector<Run> levels;
   for (std::size_t level = 0; level < begins.size(); level++) {
     const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : runs.size();
@@ -340,13 +368,13 @@ std::vector<Run> divide_into_levels(const Summary& s, CrossSearch cross_search) 
 
 SizeGroups size_groups(const Summary& s) { return groups_of(s, populated(gathered(s))); }
 
-double coarse_to_fine_cost(const Level& from, const Level& at) {
+double coarse_to_fine_cost(const Level& from, const Level& at, double probed) {
   const TwoOctaves two = as_octaves(from, at);
-  return coarse_to_fine_cost(two.from, two.at, at.size);
+  return coarse_to_fine_cost(two.from, two.at, at.size, probed);
 }
-double fine_to_coarse_cost(const Level& from, const Level& at) {
+double fine_to_coarse_cost(const Level& from, const Level& at, double probed) {
   const TwoOctaves two = as_octaves(from, at);
-  return fine_to_coarse_cost(two.from, two.at, at.size);
+  return fine_to_coarse_cost(two.from, two.at, at.size, probed);
 }
 
 }  // namespace padder::detect

@@ -88,16 +88,23 @@ std::shared_ptr<const Neighbourhood> probe_neighbourhood(const Summary& s, const
   return made;
 }
 
+// Host code. From how many spheres in a bin on it is taken to be crowded. A CPU counts all that probes find.
+// A level more costs a GPU 0.1 ms, however few its spheres are, and crowded bins cost each sphere time: with
+// 1e5 spheres, bins are crowded from 30 spheres on, with 1e6 from 3 on (docs/experiments/levels.md).
+inline double crowded_from(std::uint64_t spheres, CrossSearch cross_search) {
+  return cross_search == CrossSearch::cheaper ? 0 : std::clamp(3e6 / static_cast<double>(spheres), 3.0, 30.0);
+}
 // Host code. What Summary::near says of the spheres near others.
 class ProbedDensity {
  public:
-  // Without probes, or with other groups than `octaves`, it says nothing.
-  ProbedDensity(const Summary& s, const SizeGroups& octaves) : near_(s.near.get()) {
+  // Without probes, or with other groups than `octaves`, it says nothing. Bins with no more than `crowded`
+  // spheres count as 0.
+  ProbedDensity(const Summary& s, const SizeGroups& octaves, double crowded)
+      : near_(s.near.get()), crowded_(crowded) {
     known_ = near_ && near_->groups.count == octaves.count &&
              std::equal(octaves.of_octave, octaves.of_octave + kOctaves, near_->groups.of_octave);
     if (!known_) return;
     weight_ = static_cast<double>(s.count) / std::max(targets_of(s.count), 1u);
-    crowded_ = std::clamp(kManyInAll / static_cast<double>(s.count), kFewInBin, kManyInBin);
     const auto n = static_cast<std::size_t>(octaves.count);
     for (std::size_t i = 0; i < n; i++)
       for (std::size_t k = 0; k < n; k++)
@@ -120,14 +127,38 @@ class ProbedDensity {
   }
 
  private:
-  // Bins are crowded from kManyInBin spheres on. Of more than 1e5 spheres fewer are enough: kManyInAll by the
-  // number of spheres, but kFewInBin at least. A level more costs a GPU 0.1 ms, however few its spheres are;
-  // crowded bins cost each sphere time (docs/experiments/levels.md).
-  static constexpr double kManyInAll = 3e6, kFewInBin = 3, kManyInBin = 30;
   const Neighbourhood* near_;
   bool known_;
-  double weight_ = 0, crowded_ = 0;
+  double weight_ = 0, crowded_;
   std::uint32_t upto_[kMaxLevels][kMaxLevels][kMaxLevels];  // sums over groups and distances
+};
+
+// Host code. The same for the levels of a grid that was chosen from the summary, for CrossSearch::cheaper.
+class ProbedLevels {
+ public:
+  ProbedLevels(const Summary& s, const Grid& g)
+      : near_(s.near.get()), probed_(s, near_ ? near_->groups : SizeGroups(), 0) {
+    for (int o = kOctaves - 1; o >= 0 && near_; o--)
+      if (s.octave[o].count) groups_[g.level_of_octave[o]].add(near_->groups.of_octave[o]);
+  }
+  // The mean number of spheres of level `at`, at least, in its bins that are near spheres of another level.
+  double in_bin(int at, int seen_by) const {
+    double sum = 0, probes = 0;
+    for (std::size_t k = groups_[seen_by].first; near_ && k <= groups_[seen_by].last; k++)
+      probes += near_->probes[k],
+          sum +=
+          near_->probes[k] ? near_->probes[k] * probed_.in_bin(groups_[at].first, groups_[at].last, k) : 0;
+    return probes > 0 ? sum / probes : 0;
+  }
+
+ private:
+  struct Groups {
+    std::size_t first = kMaxLevels, last = 0;
+    void add(std::size_t k) { first = std::min(first, k), last = std::max(last, k); }
+  };
+  const Neighbourhood* near_;
+  ProbedDensity probed_;
+  Groups groups_[kMaxLevels];
 };
 
 }  // namespace padder::detect

@@ -202,9 +202,9 @@ void GridPath::sort(const View<T>& spheres, const Grid& grid, int threads, Secon
 }
 
 template <class Slot>
-std::uint64_t GridPath::search_and_write(const Grid& grid, const CallOptions& options, bool filtered,
-                                         int threads, Records& records, Seconds& seconds) {
-  const std::uint64_t doubtful = search<Slot>(grid, options, filtered, threads, seconds);
+std::uint64_t GridPath::search_and_write(const Grid& grid, const Summary& summary, const CallOptions& options,
+                                         bool filtered, int threads, Records& records, Seconds& seconds) {
+  const std::uint64_t doubtful = search<Slot>(grid, summary, options, filtered, threads, seconds);
   Stopwatch watch;
   std::uint64_t sum = 0;
   for (Chunk& c : chunks_) c.record = sum, sum += c.count;
@@ -224,9 +224,10 @@ std::uint64_t GridPath::run(const View<T>& spheres, const Summary& summary, cons
   spread_planes(spheres, grid);
   floats ? sort<FloatSlot>(spheres, grid, threads, seconds)
          : sort<FixedPointSlot>(spheres, grid, threads, seconds);
-  return floats
-             ? search_and_write<FloatSlot>(grid, options, spheres.filtered(), threads, records, seconds)
-             : search_and_write<FixedPointSlot>(grid, options, spheres.filtered(), threads, records, seconds);
+  return floats ? search_and_write<FloatSlot>(grid, summary, options, spheres.filtered(), threads, records,
+                                              seconds)
+                : search_and_write<FixedPointSlot>(grid, summary, options, spheres.filtered(), threads,
+                                                   records, seconds);
 }
 template std::uint64_t GridPath::run(const View<float>&, const Summary&, const CallOptions&, int, Records&,
                                      Seconds&);

@@ -228,8 +228,8 @@ class GridPath {
 
  private:
   template <class Slot>
-  std::uint64_t search_and_write(const Grid& grid, const CallOptions& options, bool filtered, int threads,
-                                 Records& records, Seconds& seconds);
+  std::uint64_t search_and_write(const Grid& grid, const Summary& summary, const CallOptions& options,
+                                 bool filtered, int threads, Records& records, Seconds& seconds);
   template <class Slot>
   const Exact<Slot>* exact_spheres() const {
     return reinterpret_cast<const Exact<Slot>*>(spheres_.data());
@@ -243,8 +243,8 @@ class GridPath {
   template <class Slot, class T>
   void sort(const View<T>& spheres, const Grid& grid, int threads, Seconds& seconds);
   template <class Slot>
-  std::uint64_t search(const Grid& grid, const CallOptions& options, bool filtered, int threads,
-                       Seconds& seconds);
+  std::uint64_t search(const Grid& grid, const Summary& summary, const CallOptions& options, bool filtered,
+                       int threads, Seconds& seconds);
   template <class Slot>
   void write(const CallOptions& options, int threads, Records& records);
 

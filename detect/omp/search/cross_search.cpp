@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "detect/omp/search/cross_search.h"
 
+#include "detect/core/neighbourhood.h"
+
 namespace padder::detect::omp {
 namespace {
 
@@ -15,15 +17,16 @@ constexpr std::uint64_t kMostInTable = std::uint64_t(1) << 27;
 
 }  // namespace
 
-CrossSearches plan_cross_searches(const Grid& g, bool fixed_point) {
+CrossSearches plan_cross_searches(const Grid& g, const Summary& s, bool fixed_point) {
   CrossSearches plan;
+  const ProbedLevels probed(s, g);
   for (int c = 0; c < g.levels; c++)
     for (int f = 0; f < c; f++) {
       const Level &coarse = g.level[c], &fine = g.level[f];
       if (lie_apart(coarse, fine)) continue;
-      CrossSearch up{c, coarse.spheres < kMostInTable ? Way::table : Way::rows,
-                     fine_to_coarse_cost(fine, coarse)},
-          down{f, Way::rows, coarse_to_fine_cost(coarse, fine)};
+      LevelSearch up{c, coarse.spheres < kMostInTable ? Way::table : Way::rows,
+                     fine_to_coarse_cost(fine, coarse, probed.in_bin(c, f))},
+          down{f, Way::rows, coarse_to_fine_cost(coarse, fine, probed.in_bin(f, c))};
       if (whole_cost(coarse) < up.cost) up.way = Way::whole, up.cost = whole_cost(coarse);
       const double search_radius = (coarse.radius_max + fine.radius_max) * fine.per_size;
       const bool wide = search_radius > kLargestSearchRadius[fixed_point] ||

@@ -491,10 +491,11 @@ GridPath::GridPath(Budget& b)
 GridPath::~GridPath() = default;
 
 template <class Slot>
-std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, bool filtered, int threads,
-                               Seconds& seconds) {
+std::uint64_t GridPath::search(const Grid& grid, const Summary& summary, const CallOptions& options,
+                               bool filtered, int threads, Seconds& seconds) {
   Stopwatch watch;
-  const CrossSearches cross_searches = plan_cross_searches(grid, std::is_same_v<Slot, FixedPointSlot>);
+  const CrossSearches cross_searches =
+      plan_cross_searches(grid, summary, std::is_same_v<Slot, FixedPointSlot>);
   chunks_.clear();
   while (reaches_.size() < static_cast<std::size_t>(grid.levels)) reaches_.emplace_back(*budget_);
   for (int k = 0; k < grid.levels; k++) {
@@ -513,7 +514,7 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
         chunks_.push_back({slot, std::min(size, end - slot), 0, 0, 0, 0, k, at, way});
     };
     add(k, Way::rows, kOwnLevelTime);
-    for (const CrossSearch& c : cross_searches.of_level[k]) add(c.at, c.way, c.cost);
+    for (const LevelSearch& c : cross_searches.of_level[k]) add(c.at, c.way, c.cost);
   }
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
   hits_[0].resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
@@ -553,7 +554,9 @@ std::uint64_t GridPath::search(const Grid& grid, const CallOptions& options, boo
   seconds.stage[6] += watch.lap();
   return doubtful;
 }
-template std::uint64_t GridPath::search<FloatSlot>(const Grid&, const CallOptions&, bool, int, Seconds&);
-template std::uint64_t GridPath::search<FixedPointSlot>(const Grid&, const CallOptions&, bool, int, Seconds&);
+template std::uint64_t GridPath::search<FloatSlot>(const Grid&, const Summary&, const CallOptions&, bool, int,
+                                                   Seconds&);
+template std::uint64_t GridPath::search<FixedPointSlot>(const Grid&, const Summary&, const CallOptions&, bool,
+                                                        int, Seconds&);
 
 }  // namespace padder::detect::omp

@@ -497,8 +497,9 @@ TEST(Grid, JoinedOctavesDoNotCoarsenAHeap) {
             kMaxLevels);
   s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
   const Grid g = choose_grid(s, 0, 8, CrossSearch::coarse_to_fine);
-  for (const Sphere& p : spheres)  // what rounds up to the next octave may be alone there
+  for (const Sphere& p : spheres) {  // what rounds up to the next octave may be alone there
     if (p.r < 15.99) ASSERT_LT(g.level[level_of(g, p)].size, 64);
+  }
 }
 // Spheres that lie evenly have the grid that their bounds ask for, whatever probes find by chance.
 TEST(Grid, ProbesOfEvenSpheresChangeNothing) {
