@@ -44,6 +44,9 @@ bool Budget::take(std::uint64_t bytes) {
 }
 
 void throw_memory(std::uint64_t bytes, const char* what) { throw MemoryError(bytes, what, "host"); }
+void throw_memory(std::uint64_t bytes, std::uint64_t entries, const char* what) {
+  throw_memory(bytes, (std::to_string(entries) + " " + what).c_str());
+}
 
 Stopwatch::Stopwatch() : last_(omp_get_wtime()) {}
 double Stopwatch::lap() {

@@ -44,6 +44,8 @@ std::uint64_t bits_of(const std::uint8_t* set, std::uint32_t count) {
 
 // The pairs of elements in a part, which is the unit of work and of the stable order.
 constexpr std::uint64_t kPart = 256;
+// What the broad phase finds.
+constexpr const char* kPairs = "pairs of bodies that may touch";
 std::uint64_t parts_of(std::uint64_t pairs) { return (pairs + kPart - 1) / kPart; }
 
 }  // namespace
@@ -59,15 +61,15 @@ struct BodySearch::Survivors {
 };
 
 BodySearch::BodySearch(Budget& b)
-    : grid_path_(b),
-      broad_(b),
+    : grid_path_(b, kPairs),
+      broad_(b, kPairs),
       balls_(b),
       family_(b),
       mask_(b),
       owner_(b),
       static_pairs_(b),
-      pair_lists_(b),
-      hit_lists_(b) {}
+      pair_lists_(b, kPairs),
+      hit_lists_(b, "contacts") {}
 
 void BodySearch::read_bodies(const Input& input, bool known) {
   if (!known) {
@@ -160,7 +162,7 @@ void BodySearch::find_static_pairs(int threads) {
       search_static(static_cast<std::uint32_t>(e), list);
   });
   static_count_ = pair_lists_.size();
-  Pair* const to = static_pairs_.resize(static_count_, "pairs with static spheres");
+  Pair* const to = static_pairs_.resize(static_count_, kPairs);
   pair_lists_.each(threads, [&](std::span<const Pair> pairs, std::uint64_t place) {
     std::copy(pairs.begin(), pairs.end(), to + place);
   });

@@ -43,7 +43,8 @@ class List {
 template <class T>
 class PartLists {
  public:
-  explicit PartLists(Budget& b) : budget_(&b) {}
+  // `what`: what a sentence about missing memory calls the entries.
+  PartLists(Budget& b, const char* what) : budget_(&b), what_(what) {}
 
   // Calls work(part, list) for each of `count` parts, with the list of the thread that does it. Throws Error
   // if there was not enough memory for the lists.
@@ -67,8 +68,7 @@ class PartLists {
     for (const List<T>& l : lists_) total += l.total();
     size_ = 0;
     for (Part& p : parts_) p.place = size_, size_ += p.count;
-    if (size_ < total)
-      throw_memory(total * sizeof(T) + budget_->held(), (std::to_string(total) + " contacts").c_str());
+    if (size_ < total) throw_memory(total * sizeof(T) + budget_->held(), total, what_);
   }
   std::uint64_t size() const { return size_; }  // of all parts together
 
@@ -90,6 +90,7 @@ class PartLists {
     int thread;
   };
   Budget* budget_;
+  const char* what_;
   std::vector<List<T>> lists_;  // of each thread
   std::vector<Part> parts_;
   std::uint64_t size_ = 0;

@@ -75,6 +75,8 @@ class Buffer {
 };
 
 [[noreturn]] void throw_memory(std::uint64_t bytes, const char* what);
+// For a list of so many entries; `what` is the word for them.
+[[noreturn]] void throw_memory(std::uint64_t bytes, std::uint64_t entries, const char* what);
 template <class T>
 T* Buffer<T>::resize(std::uint64_t n, const char* what) {
   if (!try_resize(n)) throw_memory(n * sizeof(T) + budget_->held(), what);
@@ -142,7 +144,9 @@ Summary summarize(const View<T>& spheres, int threads);
 
 // The arrays of contacts. They are kept from call to call.
 struct Records {
-  explicit Records(Budget& b) : pairs(b), normals(b), points(b) {}
+  // `what`: what a sentence about missing memory calls them.
+  explicit Records(Budget& b, const char* name = "contacts") : what(name), pairs(b), normals(b), points(b) {}
+  const char* what;
   Buffer<Pair> pairs;
   Buffer<std::byte> normals, points;
   std::uint64_t count = 0;
@@ -220,7 +224,8 @@ enum class Way { rows, table, whole };
 // The grid path (order.cpp, search/search.cpp, records.cpp).
 class GridPath {
  public:
-  explicit GridPath(Budget& b);
+  // `what`: as in Records, of what it finds.
+  explicit GridPath(Budget& b, const char* what = "contacts");
   ~GridPath();
   template <class T>
   std::uint64_t run(const View<T>& spheres, const Summary& summary, const CallOptions& options, int threads,
@@ -259,6 +264,7 @@ class GridPath {
   };
 
   Budget* budget_;
+  const char* what_;
   Buffer<std::uint32_t> keys_;             // by sphere while they are sorted, then by slot
   Buffer<std::uint32_t> starts_;           // the first slot of each bucket, and the end
   Buffer<std::uint32_t> ids_;              // the number of the sphere in each slot

@@ -49,7 +49,7 @@ WorldSearch::WorldSearch(Budget& b)
       order_(b),
       curve_(b),
       nodes_(b),
-      hits_(b),
+      hits_(b, "contacts"),
       any_(b),
       count_(b),
       distance_(b),

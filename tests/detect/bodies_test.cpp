@@ -6,6 +6,7 @@
 #include <cstring>
 #include <map>
 #include <random>
+#include <set>
 
 #include "detect/scene/generate.h"
 #include "tests/detect/oracle.h"
@@ -409,6 +410,28 @@ TEST_P(BodiesTest, MemoryIsKeptAndShortageIsASentence) {
   EXPECT_TRUE(refuses([&] { narrow.detect(s.input()); }, " bytes of "));
   narrow.options().memory_limit = 0;
   EXPECT_EQ(narrow.detect(s.input()).count, contacts);
+}
+
+// No two spheres touch, so that there is nothing but pairs of bodies to make room for.
+TEST_P(BodiesTest, ShortageOfPairsIsNotCalledOneOfContacts) {
+  if (GetParam() != BackendKind::omp) GTEST_SKIP() << "the lists of the CPU";
+  options_.threads = 1;
+  std::set<std::string> words;
+  for (const int one_in : {2, 1000}) {
+    BodiesScene s = strewn({{{-1, 0, 0, 1e-6}, {1, 0, 0, 1e-6}}}, 1000, 0, 0.3, 23);
+    for (std::size_t b = 0; b < s.bodies.size(); b++) s.bodies[b].is_static = b % one_in == 1;
+    Detector d(device_, options_);
+    ASSERT_EQ(d.detect(s.input()).count, 0u);
+    for (std::uint64_t limit = d.memory(); limit > 4096; limit -= limit / 8) {
+      Detector narrow(device_, options_);
+      narrow.options().memory_limit = limit;
+      const std::string said = error_of([&] { narrow.detect(s.input()); });
+      EXPECT_EQ(said.find("contacts"), said.npos) << said;
+      const std::size_t at = said.find("pairs of");
+      if (at != said.npos) words.insert(said.substr(at, said.find(',', at) - at));
+    }
+  }
+  EXPECT_EQ(words, std::set<std::string>{"pairs of bodies that may touch"});
 }
 
 // ---- what stands still

@@ -476,8 +476,9 @@ class Searcher {
 
 }  // namespace
 
-GridPath::GridPath(Budget& b)
+GridPath::GridPath(Budget& b, const char* what)
     : budget_(&b),
+      what_(what),
       keys_(b),
       starts_(b),
       ids_(b),
@@ -517,7 +518,7 @@ std::uint64_t GridPath::search(const Grid& grid, const Summary& summary, const C
     for (const LevelSearch& c : cross_searches.of_level[k]) add(c.at, c.way, c.cost);
   }
   while (hits_.size() < static_cast<std::size_t>(threads)) hits_.emplace_back(*budget_);
-  hits_[0].resize(Hits::kLeast, "the list of contacts");  // here, because nothing may throw in the threads
+  hits_[0].resize(Hits::kLeast, what_);  // here, because nothing may throw in the threads
   int searching = 1;  // fewer threads where a limit of memory leaves no room for a list of each
   while (searching < threads && hits_[static_cast<std::size_t>(searching)].try_resize(Hits::kLeast))
     searching++;
@@ -548,9 +549,7 @@ std::uint64_t GridPath::search(const Grid& grid, const Summary& summary, const C
     }
     doubtful += searcher.doubtful(), total += hits.total(), counted_only = counted_only || hits.counting();
   }
-  if (counted_only)
-    throw_memory(total * 2 * sizeof(std::uint32_t) + budget_->held(),
-                 (std::to_string(total) + " contacts").c_str());
+  if (counted_only) throw_memory(total * 2 * sizeof(std::uint32_t) + budget_->held(), total, what_);
   seconds.stage[6] += watch.lap();
   return doubtful;
 }
