@@ -34,6 +34,27 @@ class OnlyDlpack:
         return self.a.__dlpack_device__()
 
 
+class OnlyArray:
+    def __init__(self, a):
+        self.a = a
+
+    def __array__(self, *_, **__):
+        return self.a
+
+
+class Rows:
+    """A sequence that is neither a list nor a tuple."""
+
+    def __init__(self, rows):
+        self.rows = rows
+
+    def __len__(self):
+        return len(self.rows)
+
+    def __getitem__(self, k):
+        return self.rows[k]
+
+
 def misaligned(a):
     room = np.zeros(a.nbytes + 1, np.uint8)[1:]
     out = room.view(a.dtype).reshape(a.shape)
@@ -66,6 +87,7 @@ LAYOUTS = {
     "columns": columns, "gaps": gaps, "odd columns": lambda a: misaligned(columns(a)), "misaligned": misaligned, "read only": read_only,
     "subclass": lambda a: a.view(Sub), "list": lambda a: a.tolist(), "tuple": lambda a: tuple(map(tuple, a.tolist()) if a.ndim > 1 else a.tolist()),
     "not masked": lambda a: np.ma.array(a), "memoryview": memoryview, "dlpack": OnlyDlpack,
+    "rows": lambda a: Rows(list(a)), "array": OnlyArray, "masked rows": lambda a: list(np.ma.array(a)),
     "dlpack columns": lambda a: OnlyDlpack(columns(a)), "big-endian gaps": lambda a: gaps(a.astype(a.dtype.newbyteorder(">"))),
 }
 
@@ -191,8 +213,10 @@ def test_what_is_refused(argument):
             continue
         with pytest.raises(ValueError):
             argument.call(bad)
-    with pytest.raises(ValueError, match="masked"):
-        argument.call(np.ma.array(a, mask=np.arange(a.size).reshape(a.shape) == 1))
+    masked = np.ma.array(a, mask=np.arange(a.size).reshape(a.shape) == 1)
+    for bad in (masked, list(masked), tuple(masked), Rows(list(masked)), OnlyArray(masked)):
+        with pytest.raises(ValueError, match="has masked entries: fill them or remove them"):
+            argument.call(bad)
     for bad in ("text", {}, object(), [[1], [1, 2]], a.astype(object), [None] * len(a), fractions.Fraction(1, 2), decimal.Decimal(1)):
         with pytest.raises(TypeError):
             argument.call(bad)
@@ -215,6 +239,19 @@ def test_what_is_refused(argument):
                 bad.flat[-1] = value
                 with pytest.raises(ValueError):
                     argument.call(bad)
+
+
+def test_numbers_without_a_type_are_out_of_range():
+    for family in ([0, 2**70], [2**63, -1]):
+        with pytest.raises(ValueError, match="family has whole numbers that no type of NumPy holds together"):
+            padder.detect(np.zeros((2, 3)), 1.0, family)
+    with pytest.raises(ValueError, match="centers has whole numbers"):
+        padder.detect([[2**70, 0, 0]], 1.0)
+    with pytest.raises(TypeError, match="family must be whole numbers, not bool"):
+        padder.detect(np.zeros((2, 3)), 1.0, [True, False])
+    for bad in ({"tolerance": 10**400}, {"depth": 10**400}):
+        with pytest.raises(ValueError, match="beyond what a float holds"):
+            padder.pad(CUBE, FACES, **bad)
 
 
 def test_a_wrong_shape_is_told():

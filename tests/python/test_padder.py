@@ -379,9 +379,12 @@ def test_bodies_take_the_level_of_detail_that_their_partners_need():
     with pytest.raises(ValueError):
         bodies.with_lod(centers=c)
     for wrong in ({"smallest": -1}, {"smallest": float("nan")}, {"margin": -1}, {"margin": 1e200}, {"centers": c, "radii": [-1]},
-                  {"centers": [[np.inf, 0, 0]], "radii": r}):
+                  {"centers": [[np.inf, 0, 0]], "radii": r}, {"smallest": 1, "margin": np.nan}, {"smallest": 1, "centers": c, "radii": [-1]},
+                  {"smallest": 1, "centers": c, "radii": [np.nan]}):
         with pytest.raises(ValueError):
             bodies.with_lod(**wrong)
+    with pytest.raises(ValueError, match="^loose sphere 1 at .* has the negative radius -1"):
+        bodies.with_lod(centers=c + c, radii=[1, -1])
     with pytest.raises(TypeError):
         bodies.with_lod(smallest="0.1")
     with pytest.raises(ValueError, match="^the radii of the loose spheres must be of the shape"):

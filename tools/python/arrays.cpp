@@ -139,24 +139,56 @@ Array from_numpy(const py::array& array) {
   return a;
 }
 
-// numpy.asarray(), but an error for masked entries, whose mask NumPy would silently drop.
+// A sequence that NumPy takes entry by entry.
+bool is_list(PyObject* o) {
+  if (PyList_Check(o) || PyTuple_Check(o)) return true;
+  return PySequence_Check(o) && !PyUnicode_Check(o) && !PyObject_CheckBuffer(o) &&
+         !PyObject_HasAttrString(o, "__array__");
+}
+
+// Calls use(entry) for each entry, and for each entry of a list in it, until it returns true.
+template <class Use>
+bool any_entry(const py::handle& list, Use use, int depth = 1) {
+  constexpr int most = 2;  // dimensions of any argument
+  for (const py::handle entry : list)
+    if (depth < most && is_list(entry.ptr()) ? any_entry(entry, use, depth + 1) : use(entry)) return true;
+  return false;
+}
+
+// Whole numbers for which NumPy has no type in common become objects, or floats.
+bool only_whole_numbers(const py::object& object) {
+  const auto other = [](const py::handle& e) { return !PyLong_Check(e.ptr()) || PyBool_Check(e.ptr()); };
+  return is_list(object.ptr()) ? !any_entry(object, other) : !other(object);
+}
+
+// numpy.asarray(), but an error for masked entries, whose mask NumPy would silently drop: also of arrays in a
+// list of rows, and of what an object's __array__ gives.
 py::array numpy_array(const py::object& object, const char* name) {
-  const py::module_ np = py::module_::import("numpy");
-  if (py::isinstance<py::array>(object) && py::cast<bool>(np.attr("ma").attr("is_masked")(object)))
-    throw py::value_error(named(name, "has masked entries: fill them or remove them"));
+  const py::module_ np = py::module_::import("numpy"), ma = py::module_::import("numpy.ma");
+  const py::object type = ma.attr("MaskedArray");
+  const auto masked = [&](const py::handle& entry) {
+    return !PyFloat_CheckExact(entry.ptr()) && py::isinstance(entry, type) &&
+           py::cast<bool>(ma.attr("is_masked")(entry));
+  };
   try {
-    return np.attr("asarray")(object);
+    if (!is_list(object.ptr()) || !any_entry(object, masked)) {
+      const py::object array = np.attr("asanyarray")(object);
+      if (!masked(array)) return np.attr("asarray")(array);
+    }
   } catch (const py::error_already_set&) {
     throw py::type_error(named(name, "is not an array of numbers"));
   }
+  throw py::value_error(named(name, "has masked entries: fill them or remove them"));
 }
 
-void check_type(const py::array& a, const Contract& wanted) {
+void check_type(const py::object& given, const py::array& a, const Contract& wanted) {
   const char kind = a.dtype().kind();
   const bool whole = kind == 'i' || kind == 'u', flag = whole || kind == 'b', real = flag || kind == 'f';
   const bool reals = wanted.kind == Kind::real || wanted.kind == Kind::wide;
   if (a.size() == 0 ? real : reals ? real : wanted.kind == Kind::flags ? flag : whole)
     return;  // an empty list has no type of its own
+  if (only_whole_numbers(given))
+    throw py::value_error(named(wanted.name, "has whole numbers that no type of NumPy holds together"));
   throw py::type_error(named(wanted.name, std::string("must be ") +
                                               (reals                        ? "real numbers"
                                                : wanted.kind == Kind::flags ? "booleans or whole numbers"
@@ -211,7 +243,7 @@ Array array_of(const py::object& object, const Contract& wanted) {
     a = *other;
   } else {
     const py::array array = numpy_array(host, wanted.name);
-    check_type(array, wanted);
+    check_type(host, array, wanted);
     a = from_numpy(array);
   }
   if (!shape_fits(a, wanted))

@@ -105,6 +105,12 @@ std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, con
   detect::RungRule rule;
   try {
     rule = detect::rung_rule(lod);
+    detect::CallOptions options;
+    options.margin = margin;
+    detect::check_options(options);
+    for (std::size_t k = 0; k < loose.size(); k++)
+      if (detect::fault_of(loose[k]) != detect::Fault::none)
+        throw Error(detect::fault_sentence("loose sphere " + std::to_string(k), loose[k]));
   } catch (const Error& e) {
     throw py::value_error(e.what());
   }

@@ -138,6 +138,7 @@ struct Request {
   detect::Input input;
   detect::Scalar scalar = detect::Scalar::f64;
   detect::Memory memory = detect::Memory::host;  // where the contacts will lie
+  std::uint32_t worlds = detect::kEveryWorld;    // that answers are asked for
   std::vector<Array> kept;
 
   const char* keep(const Array& a) {
@@ -255,6 +256,18 @@ bool numbers_at_fault(const Request& in) {
              : loose(static_cast<const double*>(s.centers), static_cast<const double*>(s.radii));
 }
 
+// Is something in a world that no answer is asked for? Worlds in device memory are not looked at.
+bool worlds_at_fault(const Request& in) {
+  const auto outside = [&](std::uint32_t world) {
+    return world >= in.worlds && world != detect::kEveryWorld;
+  };
+  const detect::Spheres& s = in.input.spheres;
+  if (s.world && s.memory == detect::Memory::host && std::any_of(s.world, s.world + s.count, outside))
+    return true;
+  return (!s.world && s.count > 0 && outside(s.world_of_all)) ||
+         std::ranges::any_of(in.input.bodies, outside, &detect::Body::world);
+}
+
 // An option that has no meaning is an argument at fault.
 void check(const detect::CallOptions& options) {
   try {
@@ -293,7 +306,8 @@ class PyDetector {
 
   PyContacts detect(const Scene& scene, double margin) {
     detect::Contacts contacts;
-    call(scene, margin, [&](detect::Detector& d, const Request& in) { contacts = d.detect(in.input); });
+    call(scene, margin, detect::kEveryWorld,
+         [&](detect::Detector& d, const Request& in) { contacts = d.detect(in.input); });
     return {shared_, contacts, device_};
   }
   PyWorldAnswers worlds(std::uint32_t count, const std::string& answer, const Scene& scene, double margin) {
@@ -303,15 +317,16 @@ class PyDetector {
         {"distance", detect::Answer::distance}};
     const auto what = named(kinds, answer, "answer must be \"any\", \"count\" or \"distance\"");
     detect::WorldAnswers answers;
-    call(scene, margin,
+    call(scene, margin, count,
          [&](detect::Detector& d, const Request& in) { answers = d.detect_worlds(in.input, count, what); });
     return {shared_, answers, device_};
   }
 
  private:
   template <class Work>
-  void call(const Scene& scene, double margin, Work work) {
+  void call(const Scene& scene, double margin, std::uint32_t worlds, Work work) {
     Request in;
+    in.worlds = worlds;
     if (scene.bodies) in.input.shapes = scene.bodies->shapes, in.input.bodies = scene.bodies->bodies;
     in.input.revision = scene.revision;
     add_spheres(in, scene);
@@ -338,6 +353,7 @@ class PyDetector {
       shared_->revision = in.input.revision;
     } catch (const Error& e) {
       if (numbers_at_fault(in)) throw py::value_error(e.what());
+      if (worlds_at_fault(in)) throw py::index_error(e.what());
       throw;
     }
   }

@@ -27,7 +27,9 @@ namespace {
 double number_of(const py::object& given, const char* name) {
   const double value = PyFloat_AsDouble(given.ptr());
   if (PyErr_Occurred()) {
+    const bool large = PyErr_ExceptionMatches(PyExc_OverflowError);
     PyErr_Clear();
+    if (large) throw py::value_error(std::string(name) + " is beyond what a float holds");
     throw py::type_error(std::string(name) + " must be a number");
   }
   if (!std::isfinite(value)) throw py::value_error(std::string(name) + " must be finite");
