@@ -185,7 +185,7 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
     job.report.filled_body = culled.filled;
     if (!culled.within)
       why = "so few spheres cannot keep it";
-    else if (!culled.covered)
+    else if (culled.open.why != WhyOpen::nothing)
       why = open_text(job, culled.open);
     made.open = culled.open.why;
   }

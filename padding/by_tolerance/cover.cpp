@@ -188,8 +188,8 @@ class CoverSearch {
 
   Cover finish(const Attempt& attempt, const OpenSpot& open) const {
     Cover cover;
-    cover.balls = attempt.balls(), cover.open = open, cover.covered = open.why == WhyOpen::nothing;
-    if (cover.covered) {
+    cover.balls = attempt.balls(), cover.open = open;
+    if (open.why == WhyOpen::nothing) {
       const ProtrusionBound bound = protrusion_bound(surface_, cover.balls);
       cover.proved = bound.proved && bound.max <= limits_.protrusion + kKeptBack * limits_.tolerance_sum;
     }

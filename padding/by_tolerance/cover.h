@@ -27,9 +27,8 @@ struct CoverOptions {
 struct Cover {
   std::vector<Ball> balls;              // each dilated by the whole protrusion that is allowed
   std::vector<std::uint32_t> triangle;  // for each ball, the triangle of the surface that it was grown from
-  bool covered = false;                 // the gap is kept everywhere
-  OpenSpot open;                        // where it is not, and why
-  bool proved = false;  // the protrusion is kept, too; never on an open surface, nor where it faces inward
+  OpenSpot open;                        // where the gap is not kept, and why
+  bool proved = false;  // both errors are kept; never on an open surface, nor where it faces inward
 };
 
 // Each ball is grown from an inner medial ball of radius m to the radius m + protrusion. It covers the

@@ -53,7 +53,7 @@ class CullSearch {
     culled.balls = dilated(dilation);
     culled.triangle = cover_.triangle;
     culled.protrusion = dilation, culled.gap = tolerance_sum_ - dilation;
-    culled.covered = cover_.covered, culled.open = cover_.open, culled.proved = cover_.proved;
+    culled.open = cover_.open, culled.proved = cover_.proved;
     culled.within = culled.within || std::max(culled.protrusion, culled.gap) <= options_.tolerance;
     return culled;
   }
@@ -78,15 +78,17 @@ class CullSearch {
     const double protrusion = *options_.only_protrusion, gap = *options_.only_gap;
     // Without a gap, the surface is covered a little deeper than it must be: the proof that the inside is
     // covered, too, would else have to look at the surface without end.
-    const double depth = gap > 0 ? 0 : kCoverDepth * protrusion;
-    cover_ = cover_surface(surface_, cover_options(protrusion, gap - depth));
+    const double depth = gap > 0 ? 0 : kCoverDepth * protrusion, moved = std::max(-gap, 0.0);
+    const bool room = moved == 0 || protrusion > 2 * moved;  // else nothing is proved
+    cover_ = cover_surface(surface_, cover_options(protrusion, (room ? gap : 0) - depth));
     Culled culled;
     culled.balls = cover_.balls, culled.triangle = cover_.triangle;
-    culled.protrusion = protrusion, culled.gap = gap;
-    culled.covered = cover_.covered, culled.open = cover_.open, culled.proved = cover_.proved;
-    if (!(depth > 0) || !cover_.covered) return culled;
+    culled.protrusion = protrusion, culled.gap = std::max(gap, 0.0);
+    culled.open = cover_.open, culled.proved = cover_.proved;
+    if (!(depth > 0) || !room || cover_.open.why != WhyOpen::nothing) return culled;
     FillOptions filling{.depth = depth * (1 - 1e-6), .protrusion = protrusion * (1 - 1e-9)};
     filling.min_radius = options_.min_radius, filling.max_radius = options_.max_radius;
+    filling.moved = moved;
     const Filled filled = fill_body(surface_, BallSet(cover_.balls), filling);
     culled.balls.insert(culled.balls.end(), filled.balls.begin(), filled.balls.end());
     culled.triangle.insert(culled.triangle.end(), filled.triangle.begin(), filled.triangle.end());
@@ -258,7 +260,7 @@ void CullOptions::keep_back(double moved) {
   lessen(tolerance, tolerance);
   if (!only_protrusion || !only_gap) return;
   lessen(*only_protrusion, *only_gap > 0 ? *only_gap : *only_protrusion);
-  lessen(*only_gap, *only_gap);
+  *only_gap > 0 ? lessen(*only_gap, *only_gap) : void(*only_gap -= moved);
 }
 
 Culled cull(const Surface& surface, const CullOptions& options) { return CullSearch(surface, options).run(); }

@@ -28,7 +28,8 @@ struct CullOptions {
   double tolerance = 0;  // of protrusion and gap; 0: not given, max_spheres decides
   // Each error by itself. Where both are given, they replace the tolerance, and nothing else may be asked for
   // but radius limits and effort. A gap of 0 also covers the inside of the body, with balls that fill its
-  // hollows; a protrusion of 0 leaves all balls inside the body. At least one of them is above 0.
+  // hollows; a protrusion of 0 leaves all balls inside the body. At least one of them is above 0. A gap below
+  // 0 is one of 0 wherever each ball is moved by so much.
   std::optional<double> only_protrusion, only_gap;
   // 0: no limit; else the smallest error that so many can keep, but at least `tolerance`
   std::uint64_t max_spheres = 0;
@@ -41,7 +42,8 @@ struct CullOptions {
   TellShare tell;
 
   // Takes off each error how far writing the balls down may move them, where there is room for that. A
-  // protrusion of 0 falls below 0: then each ball stays so far inside the body.
+  // protrusion of 0 falls below 0: then each ball stays so far inside the body. So does a gap of 0, even
+  // where there is no room.
   void keep_back(double moved);
 };
 
@@ -50,13 +52,14 @@ struct Culled {
   std::vector<Ball> balls;
   std::vector<std::uint32_t> triangle;  // for each ball, the triangle of the surface that it was grown from
   double protrusion = 0, gap = 0;  // the bounds that hold; at most the tolerance, if max_spheres allowed it
-  bool covered = false;            // the gap is kept everywhere
-  OpenSpot open;                   // where it is not, and why
+  OpenSpot open;                   // where the gap is not kept, and why
   bool proved = false;             // both bounds hold; never on an open surface, nor where it faces inward
   bool within = true;              // false when max_spheres was too few for the tolerance
-  bool filled = false;             // proved: no point of the body lies outside the balls; only for a gap of 0
-  double normal_error = 0;         // estimate, degrees; only when `smooth` was asked for
-  double volume_ratio = 0;         // estimate of the union's volume over the body's; only for Balance::volume
+  // Proved: no point of the body lies outside the balls, as far as they may move. Only for a gap of 0 or
+  // below.
+  bool filled = false;
+  double normal_error = 0;  // estimate, degrees; only when `smooth` was asked for
+  double volume_ratio = 0;  // estimate of the union's volume over the body's; only for Balance::volume
 };
 
 // Balance::none takes one cover. The others search over the tolerance sum (protrusion plus gap), which takes

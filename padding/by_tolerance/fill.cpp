@@ -71,7 +71,8 @@ class Fill {
     const double radius = cell.radius();
     // The ball whose sphere is the farthest from the centre is the one most likely to hold the cell.
     const BallGap gap = balls_.gap(c);
-    if (gap.value + radius <= 0 || holds(balls_.balls()[gap.ball], cell)) return Verdict::done;
+    if (gap.value + options_.moved + radius <= 0 || holds(balls_.balls()[gap.ball], cell))
+      return Verdict::done;
     const double distance = surface_.nearest(c).distance;
     if (distance + radius <= options_.depth) return Verdict::done;
     // Without a winding number the centre lies on the surface, as far as rounding can tell.
@@ -83,17 +84,18 @@ class Fill {
     // A hollow is filled at once where the fill is sure to be needed.
     const double small = (gap.value > 0 ? 4 : 1) * kSmallestCell * offer.radius;
     if (radius > small) return Verdict::cut;
-    return offer.radius >= options_.min_radius ? Verdict::fill : Verdict::open;
+    return offer.radius >= options_.min_radius && holds(offer, cell) ? Verdict::fill : Verdict::open;
   }
 
-  static bool holds(const Ball& ball, const Cell& cell) {
+  // Also once the ball is moved?
+  bool holds(const Ball& ball, const Cell& cell) const {
     const Vector far = (cell.center - ball.center).cwiseAbs() + Vector::Constant(cell.half);
-    return far.norm() <= ball.radius;
+    return far.norm() <= ball.radius - options_.moved;
   }
 
   // A few of the fills that together hold all hollow cells. The largest come first, and each makes those
   // needless whose cells it holds; of the ones that are left, a greedy choice drops some more.
-  static std::vector<std::uint32_t> few(const std::vector<Cell>& hollow, const std::vector<Ball>& fills) {
+  std::vector<std::uint32_t> few(const std::vector<Cell>& hollow, const std::vector<Ball>& fills) const {
     std::vector<std::uint32_t> order = numbered(fills.size()), taken, cells;
     std::stable_sort(order.begin(), order.end(),
                      [&](auto a, auto b) { return fills[a].radius > fills[b].radius; });

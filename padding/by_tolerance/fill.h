@@ -10,11 +10,12 @@ namespace padder {
 // Lengths are in the surface's unit.
 struct FillOptions {
   // Each surface point lies in a ball, at least so deep below its sphere; above 0. So all that is within
-  // `depth` of the surface is covered.
+  // `depth` of the surface is covered. Where balls may move, wherever they are moved to.
   double depth = 0;
   double protrusion = 0;  // no ball that is added may stand out of the body by more; above 0
   double min_radius = 0;
   double max_radius = std::numeric_limits<double>::infinity();
+  double moved = 0;  // the proof holds wherever each ball is moved by so much, or grown smaller
 };
 
 // What fill_body() found.

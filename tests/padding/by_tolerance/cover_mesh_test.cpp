@@ -52,13 +52,14 @@ TEST(CoverMesh, IsCertifiedInTheMeshsOwnFrameAndUnit) {
   EXPECT_EQ(cluster_from_json(to_json(cluster), "again").radii, cluster.radii);
 }
 
+Mesh box_at(double place) {
+  Mesh mesh = shapes::box({0, 0, 0}, {0.01, 0.02, 0.03});
+  for (Point& p : mesh.points) p += Vector(place, place, place);
+  return mesh;
+}
+
 // There writing a sphere down moves it, by more than a protrusion of 0 allows or by more than the tolerance.
 TEST(CoverMesh, ProvesTheSpheresAsTheyAreWritten) {
-  const auto box_at = [](double place) {
-    Mesh mesh = shapes::box({0, 0, 0}, {0.01, 0.02, 0.03});
-    for (Point& p : mesh.points) p += Vector(place, place, place);
-    return mesh;
-  };
   const CoverMeshOptions inside{.protrusion = Length::of(0), .gap = Length::share(0.05)};
   for (const double place : {1e4, 1e6}) {
     const Mesh mesh = box_at(place);
@@ -71,6 +72,29 @@ TEST(CoverMesh, ProvesTheSpheresAsTheyAreWritten) {
     }
   }
   EXPECT_FALSE(cover_mesh(box_at(1e13), Length::share(0.05)).accuracy.certified);
+}
+
+// Writing the spheres down moves them by up to 1 % of the diagonal at 1e12, which once opened gaps, and by
+// more than the protrusion at 1e13.
+TEST(CoverMesh, ProvesThatTheSpheresAsTheyAreWrittenFillTheBody) {
+  const CoverMeshOptions whole{.protrusion = Length::share(0.05), .gap = Length::of(0)};
+  for (const double place : {1e5, 1e12}) {
+    const Mesh mesh = box_at(place);
+    const Cluster cluster = cover_mesh(mesh, {}, whole);
+    EXPECT_TRUE(cluster.accuracy.certified) << place;
+    EXPECT_EQ(cluster.accuracy.gap_max, 0) << place;
+    std::vector<Ball> balls;  // about the box's corner, where nothing is rounded
+    const Box box = mesh.bounds();
+    for (std::size_t k = 0; k < cluster.size(); k++)
+      balls.push_back({cluster.centers[k] - box.low, cluster.radii[k]});
+    const BallSet set(balls);
+    Random random(5);
+    for (int k = 0; k < 20000; k++) {
+      const Vector share(random.uniform(), random.uniform(), random.uniform());
+      ASSERT_TRUE(set.any_contains(share.cwiseProduct(box.high - box.low))) << place << ", seed 5";
+    }
+  }
+  EXPECT_FALSE(cover_mesh(box_at(1e13), {}, whole).accuracy.certified);
 }
 
 TEST(CoverMesh, TakesAnAbsoluteTolerance) {
