@@ -136,6 +136,7 @@ class ManifestTest(unittest.TestCase):
             self.put(name)
         self.put("parts/list.csv", "a.obj -o list.csv\n"), self.put("parts/over", "a.obj -o s/b.obj\ns/b.obj\n")
         self.put("two", f"x.obj\n{arm} --format obj -o x.obj\n"), self.put("mesh", f"{arm} -o robot/arm_description/meshes/fore.stl\n")
+        self.put("pairs", f"{arm} -o z.urdf\n{arm} -o z.srdf\n"), self.put("list.srdf", f"{arm} -o list.urdf\n")
         (self.folder / "link").symlink_to("parts")
         before = {name: (self.folder / name).read_bytes() for name in files(self.folder)}
         read, both = "is a file that this run reads", "would both write"
@@ -144,7 +145,7 @@ class ManifestTest(unittest.TestCase):
                 (["parts/*.obj", "-o", "link", "--format", "obj"], read), ([".", "-o", ".", "--format", "obj"], read),
                 (["parts", "-o", "link", "--format", "obj"], read), (["--manifest", "parts/over", "-o", "parts"], read),
                 (["--manifest", "parts/list.csv", "-o", "parts"], read), (["--manifest", "two", "-o", "."], read),
-                (["--manifest", "mesh", "-o", "."], read),
+                (["--manifest", "mesh", "-o", "."], read), (["--manifest", "pairs", "-o", "out"], both), (["--manifest", "list.srdf", "-o", "."], read),
                 (["x.obj", "-o", "x.obj"], read), (["x.obj", "-o", "new/../x.obj"], read),
                 (["x.obj", "--write-mesh", "new/../x.obj"], read), (["x.obj", "-o", "a.vtp", "-o", "new/../x.obj"], read),
                 (["x.obj", "-o", "a.vtp", "-o", "new/../a.vtp"], both), (["x.obj", "-o", "a.obj", "--write-mesh", "./a.obj"], both),

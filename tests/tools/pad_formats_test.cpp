@@ -197,6 +197,11 @@ TEST_F(PadFormatsTest, AnSrdfThatIsAskedForIsNotLostToThatOfAUrdf) {
   ASSERT_EQ(pad("r.urdf --edge-length 10% -q -o p.srdf").output, "");
   ASSERT_EQ(pad("r.urdf --edge-length 10% -q -o q.srdf -o q.urdf").output, "");
   EXPECT_EQ(read_file(folder_ / "q.srdf"), read_file(folder_ / "p.srdf"));
+  ASSERT_EQ(pad("r.urdf --edge-length 10% -q -o p.npz").output, "");
+  ASSERT_EQ(pad("p.npz -q -o s.srdf").output, "");
+  ASSERT_EQ(pad("p.npz -q -o t.srdf -o t.urdf").output, "");
+  EXPECT_NE(read_file(folder_ / "t.srdf").find("link_sphere_approximation"), std::string::npos);
+  EXPECT_EQ(read_file(folder_ / "t.srdf"), read_file(folder_ / "s.srdf"));
 }
 
 TEST_F(PadFormatsTest, Robots) {

@@ -58,10 +58,8 @@ Json run_convert(const ConvertJob& job) {
   }
   std::vector<std::string> warnings;
   Json outputs = Json::array();
-  for (const OutputFile& file : job.outputs) {
-    write(spheres, file, job, warnings);
-    outputs.push_back(file.path.string());
-  }
+  for (const OutputFile& file : in_writing_order(job.outputs)) write(spheres, file, job, warnings);
+  for (const OutputFile& file : job.outputs) outputs.push_back(file.path.string());
   return {{"input", cli::StreamFiles::spoken(job.input.string())},
           {"output", outputs[0]},
           {"outputs", outputs},

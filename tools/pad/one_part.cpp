@@ -139,6 +139,12 @@ Json convert(const PadArguments& a, const std::string& file, const PadTarget& go
 
 }  // namespace
 
+fs::path pairs_file(const std::string& input, const OutputFile& output) {
+  const bool urdf = output.format && std::string_view(output.format->name) == "urdf";
+  if (!urdf || !(is_robot(input) || is_sphere_file(input))) return {};  // a mesh is one body, without pairs
+  return fs::path(output.path).replace_extension(".srdf");
+}
+
 std::vector<fs::path> further_inputs(const std::string& file, const PadArguments& a) {
   if (file.ends_with(".gltf")) return reading::files_beside_gltf(file);
   std::vector<fs::path> files;
@@ -166,6 +172,11 @@ void note_outputs(const PadArguments& a, const std::string& file, const PadTarge
   };
   write(target.first.path, a.outputs.empty() ? "" : "-o ");
   for (const OutputFile& more : target.more) write(more.path, "-o ");
+  for (const OutputFile& output : target.outputs()) {
+    const fs::path pairs = pairs_file(file, output);
+    const bool named = std::ranges::any_of(a.outputs, [&](const fs::path& path) { return path == pairs; });
+    if (!pairs.empty() && !named) write(pairs, "");
+  }
   if (!target.mesh.empty()) write(target.mesh, "--write-mesh ");
   if (!a.preview.empty()) write(preview_file(a, file), "--preview ");
   if (!target.in_folder || !is_robot(file)) return;

@@ -47,6 +47,10 @@ const Format* format_of(const PadArguments& a, const std::string& mesh);
 // NAME.spheres.json, or with the ending of the format.
 std::string output_name(const std::string& mesh, const Format* format);
 
+// The .srdf of pairs that is written beside the URDF of a robot or of spheres; empty: `output` is no such
+// URDF.
+std::filesystem::path pairs_file(const std::string& input, const OutputFile& output);
+
 // The files that `file` refers to and that its shape depends on: buffers of a .gltf, meshes of a robot.
 // Throws Error where the file cannot be read.
 std::vector<std::filesystem::path> further_inputs(const std::string& file, const PadArguments& a);

@@ -83,15 +83,14 @@ void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
   write_preview(view, job.preview, job.colour);
 }
 
-// A URDF brings a .srdf of its pairs along, and one that is asked for by name, which has the spheres as well,
-// must not be lost to it.
+}  // namespace
+
 std::vector<OutputFile> in_writing_order(std::vector<OutputFile> files) {
-  std::stable_partition(files.begin(), files.end(),
-                        [](const OutputFile& file) { return std::string_view(file.format->name) != "srdf"; });
+  std::ranges::stable_partition(files, [](const OutputFile& file) {
+    return !file.format || std::string_view(file.format->name) != "srdf";
+  });
   return files;
 }
-
-}  // namespace
 
 std::filesystem::path link_file(const std::filesystem::path& folder, const std::string& link) {
   std::string file = link;

@@ -18,6 +18,10 @@ struct OutputFile {
   const Format* format = nullptr;
 };
 
+// A URDF brings a .srdf of its pairs along, and one that is asked for by name, which has the spheres as well,
+// must not be lost to it: it comes last.
+std::vector<OutputFile> in_writing_order(std::vector<OutputFile> files);
+
 struct RobotJob {
   std::filesystem::path urdf;
   std::vector<OutputFile> outputs;

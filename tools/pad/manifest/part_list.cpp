@@ -105,8 +105,10 @@ class List {
     if (!a_.manifest.empty()) files.reads(a_.manifest);
     for (const Part& part : parts_) note_inputs(part.settings->arguments, part.mesh, files);
     for (std::size_t k = 0; k < parts_.size(); k++)
-      files.writes(fs::path(a_.output()) / parts_[k].output, where_[k],
-                   "give -o another folder, or list the parts in a manifest, each with its own -o");
+      for (const fs::path& output : {fs::path(parts_[k].output), pairs_[k]})
+        if (!output.empty())
+          files.writes(fs::path(a_.output()) / output, where_[k],
+                       "give -o another folder, or list the parts in a manifest, each with its own -o");
     return std::move(parts_);
   }
 
@@ -165,6 +167,7 @@ class List {
       throw UsageError(where + ": its output " + output.string() +
                        " is no file below the output folder: give the line -o with a name below it");
     parts_.push_back({mesh, output.generic_string(), std::move(settings)}), where_.push_back(where);
+    pairs_.push_back(pairs_file(mesh, {output, format}));
   }
 
   const PadArguments& a_;
@@ -172,6 +175,7 @@ class List {
   std::unordered_map<std::string, std::shared_ptr<const PartSettings>> known_;
   std::vector<Part> parts_;
   std::vector<std::string> where_;  // each is listed
+  std::vector<fs::path> pairs_;     // pairs_file() of each
 };
 
 }  // namespace
