@@ -182,7 +182,7 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
     const Culled culled = cull(job.surface, culling);
     made.balls = culled.balls;
     made.triangle.assign(culled.triangle.begin(), culled.triangle.end());
-    job.report.filled_body = culled.filled;
+    job.report.filled_body = culled.filled && job.body.kind != BodyKind::sheet;
     if (!culled.within)
       why = "so few spheres cannot keep it";
     else if (culled.open.why != WhyOpen::nothing)
@@ -226,7 +226,7 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
   Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked.gap});
   Accuracy& a = m.accuracy;
   PadReport& report = job.report;
-  const bool hollow = asked.filled && !report.filled_body;
+  const bool hollow = asked.filled && !report.filled_body && job.body.kind != BodyKind::sheet;
   const bool within_tolerance = asked.kept_by(a) && !hollow;
   if (hollow && why.empty()) why = "the inside of the body could not be proved to be covered";
   std::string reason = unproved(m, balls.size());
@@ -279,12 +279,17 @@ void store(const RungSpheres& made, const UnitFrame& frame, T& into) {
   }
 }
 
-void warn_if_rough(const PadOptions& options, const Cluster& c, PadReport& report) {
+// A planner that asks for a gap of 0 may take a solid with holes for covered.
+void add_warnings(const PadOptions& options, const Asked& asked, const Cluster& c, PadReport& report) {
   const double error = c.accuracy.normal_error_mean_deg;
   if (options.smooth > 0 && error > options.smooth)
     report.warnings.push_back(c.source.file + ": the normals are off by " + short_number(error, 3) +
                               " degrees in the mean, and --smooth asks for " +
                               short_number(options.smooth, 3) + ": use a smaller tolerance or more spheres");
+  if (asked.filled && report.kind == BodyKind::sheet)
+    report.warnings.push_back(c.source.file +
+                              ": an open sheet has no inside, so that a gap of 0 covers its triangles alone: "
+                              "if it is a solid with holes, use --repair fill");
 }
 
 // The mass of the repaired body. A sheet has none, nor has a surface that faces inward on the whole.
@@ -498,7 +503,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   c.family = options.family, c.mask = options.mask;
   c.bounds = box;
   set_mass(c, body, frame, report);
-  warn_if_rough(options, c, report);
+  add_warnings(options, finest, c, report);
   step("done", 6);
   return out;
 }

@@ -39,6 +39,9 @@ std::string package_name(const fs::path& folder) {
   return document.child("package").child("name").text().as_string();
 }
 
+// A package may lie beside the URDF, beside its folder, or beside the package that has this folder.
+constexpr int kPackageBeside = 2;
+
 void look_in(const fs::path& folder, const std::string& name, std::vector<fs::path>& roots) {
   roots.push_back(folder / name);
   if (package_name(folder) == name) roots.push_back(folder);
@@ -60,12 +63,12 @@ std::vector<fs::path> places_in_package(const std::string& name, const fs::path&
     look_below(folder, name, roots);
   };
   for (const fs::path& folder : folders) look(folder);
-  for (fs::path folder = home;; folder = folder.parent_path()) {
-    look_in(folder, name, roots);
+  // Of the folders far above not all others in them are read.
+  int above = 0;
+  for (fs::path folder = home;; folder = folder.parent_path(), above++) {
+    above <= kPackageBeside ? look(folder) : look_in(folder, name, roots);
     if (folder == folder.parent_path()) break;
   }
-  if (home.has_parent_path() && home.parent_path().has_parent_path())
-    look_below(home.parent_path().parent_path(), name, roots);  // a package beside that of the URDF
   for (const fs::path& folder : listed_in("ROS_PACKAGE_PATH")) {
     look(folder);
     if (folder.filename() == name) roots.push_back(folder);

@@ -444,6 +444,35 @@ TEST(Pad, AWrapKeepsTheToleranceAgainstTheInput) {
   }
 }
 
+// Each triangle has corners of its own, a hair off those of its neighbours, and every third one is turned.
+// With a gap of 0 nothing is moved; the body must be covered all the same, and not as if it were a sheet.
+TEST(Pad, AGapOf0CoversTheInsideOfABodyWithHairCracks) {
+  const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+  shapes::RandomInput random(1);
+  Mesh cracked;
+  for (std::uint32_t t = 0; t < cube.triangles.size(); t++) {
+    for (int k = 0; k < 3; k++) cracked.points.push_back(cube.corner(t, k) + 1e-8 * random.direction());
+    if (t % 3 == 0) std::swap(cracked.points[3 * t + 1], cracked.points[3 * t + 2]);
+    cracked.triangles.push_back({3 * t, 3 * t + 1, 3 * t + 2});
+  }
+  const PadOptions options{.protrusion = Length::share(0.05), .gap = Length::of(0), .effort = 0};
+  const Padded p = pad(as_file(cracked), options);
+  EXPECT_EQ(p.report.kind, BodyKind::solid);
+  EXPECT_TRUE(p.report.filled_body && p.cluster.accuracy.certified) << p.report.reason;
+  for (int k = 0; k < 2000; k++) {
+    const Point at(random.uniform(0, 1), random.uniform(0, 1), random.uniform(0, 1));
+    bool covered = false;
+    for (std::size_t s = 0; s < p.cluster.size() && !covered; s++)
+      covered = (p.cluster.centers[s] - at).norm() <= p.cluster.radii[s] + 1e-7;
+    EXPECT_TRUE(covered) << at.transpose();
+  }
+  const Padded sheet = pad(as_file(shapes::square(1, 3)), options);
+  EXPECT_EQ(sheet.report.kind, BodyKind::sheet);
+  EXPECT_FALSE(sheet.report.filled_body) << "it has no inside";
+  ASSERT_EQ(sheet.report.warnings.size(), 1u);
+  EXPECT_NE(sheet.report.warnings[0].find("--repair fill"), std::string::npos);
+}
+
 TEST(Pad, AWrapOfLooseTrianglesIsCertified) {
   for (std::uint64_t seed = 1; seed <= 2; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));

@@ -209,8 +209,12 @@ TEST_F(RobotTest, PackagesAreFoundByTheirNames) {
   package("ws/arm-1.2", "arm_description");  // one beside it
   mesh("install/share/tool_description");    // of ROS 2
   package("else/gripper-main", "gripper");
+  package("ws/robot/urdf/parts-2", "parts");  // beside the URDF, and beside its folder
+  package("ws/robot/tools", "tools_description");
   EXPECT_EQ(found("robot_description"), "ws/robot/meshes/tet.obj");
   EXPECT_EQ(found("arm_description"), "ws/arm-1.2/meshes/tet.obj");
+  EXPECT_EQ(found("parts"), "ws/robot/urdf/parts-2/meshes/tet.obj");
+  EXPECT_EQ(found("tools_description"), "ws/robot/tools/meshes/tet.obj");
   EXPECT_THROW(found("tool_description"), Error);
   setenv("AMENT_PREFIX_PATH", ("/nowhere:" + (folder_ / "install").string()).c_str(), 1);
   EXPECT_EQ(found("tool_description"), "install/share/tool_description/meshes/tet.obj");

@@ -13,6 +13,7 @@
 #include "padding/geometry/medial.h"
 #include "padding/geometry/random.h"
 #include "padding/meshing/holes/cracks.h"
+#include "padding/meshing/holes/facing.h"
 #include "padding/meshing/holes/sealed_room.h"
 
 namespace padder {
@@ -54,10 +55,11 @@ class PieceCloser {
     const auto root = [&](std::uint32_t v) { return root_of(parent, v); };
     const auto join_corners = [&](const Corners& t) { join(parent, t[0], t[1]), join(parent, t[0], t[2]); };
     for (const auto t : open) join_corners(mesh_.triangles[t]);
+    const double width = crack_limit(options_, diagonal_);
+    if (options_.mode != RepairMode::sheet) steps_.turned += face_alike(mesh_, open, width);
     std::vector<DirectedEdge> missing = missing_edges(mesh_, open);
     std::vector<CrackTriangle> cracks;
-    if (options_.mode != RepairMode::sheet)
-      cracks = close_cracks(mesh_, missing, crack_limit(options_, diagonal_));
+    if (options_.mode != RepairMode::sheet) cracks = close_cracks(mesh_, missing, width);
     for (const CrackTriangle& crack : cracks) join_corners(crack.triangle);
     if (options_.mode != RepairMode::sheet) find_bridges(open, missing, root);
     for (const auto& [a, b] : bridges_) join(parent, a, b);
