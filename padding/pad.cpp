@@ -68,7 +68,10 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
   report.seconds.fit = clock.lap();
 
   step("refit", 3);
-  fitted = refit(surface, remeshed.mesh, std::move(fitted), {});
+  const auto tell = [&](std::size_t open) {
+    step(("refit, " + count_of(open, "part") + " of the surface open").c_str(), 3);
+  };
+  fitted = refit(surface, remeshed.mesh, std::move(fitted), {.tell = tell});
   RungSpheres made;
   for (const auto& f : fitted) made.balls.push_back(f.ball), made.triangle.push_back(f.triangle);
   made.mesh = std::move(remeshed.mesh);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "padding/geometry/indices.h"
 #include "padding/geometry/medial.h"
@@ -14,6 +16,7 @@ namespace padder {
 namespace {
 
 constexpr std::size_t kManyOpen = 100'000;  // parts
+constexpr std::size_t kAnyNumber = std::numeric_limits<std::size_t>::max();
 
 Ball ball_under(const Surface& body, const Point& p, const Vector& normal, double largest, double cap) {
   // The medial ball may miss p by a quarter of the cap, because the dilated ball still covers p.
@@ -67,22 +70,28 @@ std::vector<FittedBall> refit(const Surface& body, const Mesh& remeshed, std::ve
 
   const Surface triangles(remeshed);
   constexpr int most_rounds = 30;
-  double wide = 32 * gap;  // how far apart points are taken at first where very much is open
+  // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a
+  // coarse mesh, points that stand apart by the gap alone would be millions: the first rounds look at larger
+  // parts and take few points, until the distance is that which the balls of the round before cover.
+  double wide = 32 * gap;
+  std::vector<GapPart> open = whole_triangles(body.mesh());
   for (int round = 0; round < most_rounds; round++) {
     std::vector<Ball> plain;
     for (const auto& b : balls) plain.push_back(b.ball);
-    std::vector<GapPart> open = gap_failures(body.mesh(), BallSet(plain), gap, 2 * gap);
+    const BallSet set(plain);
+    auto failures = wide > gap ? gap_failures(open, set, gap, 2 * gap, kManyOpen) : std::nullopt;
+    const double spacing = failures ? gap : wide;
+    if (!failures) failures = gap_failures(open, set, gap, std::max(2 * gap, wide), kAnyNumber);
+    open = *std::move(failures);
     if (open.empty()) break;
-    std::stable_sort(open.begin(), open.end(),
-                     [](const GapPart& a, const GapPart& b) { return a.value > b.value; });
-    // A ball covers a disc that is much wider than the gap. Where nearly all is open, as under flat caps on a
-    // coarse mesh, points that stand apart by the gap alone would be millions: the first rounds take few of
-    // them, until the distance is that which the balls of the round before cover.
-    const double spacing = open.size() > kManyOpen ? wide : gap;
+    if (options.tell) options.tell(open.size());
+    std::vector<std::uint32_t> order = numbered(open.size());
+    std::stable_sort(order.begin(), order.end(),
+                     [&](auto a, auto b) { return open[a].value > open[b].value; });
     std::vector<Point> places;
     for (const GapPart& part : open) places.push_back(part.centroid());
     // Of neighbouring parts only the worst gets a ball in this round: it may cover the others, too.
-    const std::vector<std::uint32_t> chosen = sparse(places, numbered(open.size()), spacing);
+    const std::vector<std::uint32_t> chosen = sparse(places, order, spacing);
     std::vector<FittedBall> found(chosen.size());
 #pragma omp parallel for schedule(dynamic, 16)
     for (std::int64_t k = 0; k < static_cast<std::int64_t>(chosen.size()); k++) {

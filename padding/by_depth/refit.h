@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Refits spheres so that none stands out of the body by more than its cap, and no surface stays uncovered.
 #pragma once
+#include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "padding/by_depth/fit.h"
@@ -11,6 +13,10 @@ namespace padder {
 // How far spheres may stand out.
 struct RefitOptions {
   double gap = 0;  // the largest gap that may be left; 0: the largest cap among the balls
+  // Called before each round of new balls with the number of parts of the surface that are still open, at
+  // most some 100,000 unless the mesh has more triangles or very thin ones. It may throw, which ends the
+  // work.
+  std::function<void(std::size_t open)> tell;
 };
 
 // The paper refits the spheres along edges that an edge finder gives it. This function tests every sphere

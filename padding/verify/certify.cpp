@@ -2,7 +2,9 @@
 #include "padding/verify/certify.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <limits>
 
 namespace padder {
 namespace {
@@ -222,82 +224,127 @@ class NearBalls {
   std::vector<std::uint32_t> near_;
 };
 
-}  // namespace
+// Looks for failures in parts that come one after another: what it learns from one helps with the next.
+class FailureSearch {
+ public:
+  FailureSearch(const BallSet& balls, double bound, double grain, double smallest)
+      : balls_(balls),
+        bound_(bound),
+        grain_(grain),
+        smallest_(smallest),
+        near_(balls, bound),
+        last_(4 * grain) {}
 
-std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain) {
-  const std::size_t n = mesh.triangles.size();
-  const double smallest = smallest_size(mesh);
-  constexpr std::size_t block = 256;
-  const std::size_t blocks = (n + block - 1) / block;
-  std::vector<std::vector<GapPart>> failed(blocks);
-#pragma omp parallel for schedule(dynamic, 4) if (blocks > 4)
-  for (std::size_t b = 0; b < blocks; b++) {
-    std::vector<GapPart> stack;
-    std::uint32_t hint = 0;
-    NearBalls near(balls, bound);
-    LastProofs last(4 * grain);
-    double small_enough = kUnbounded;  // larger parts have too many balls near
-    constexpr std::size_t nobody = std::numeric_limits<std::size_t>::max();
-    for (std::size_t t = b * block; t < std::min(n, (b + 1) * block); t++) {
-      std::size_t above = nobody;  // what stands at this place of the stack or higher is cut from near's part
-      stack.push_back(gap_part_of(mesh, t));
-      while (!stack.empty()) {
-        GapPart part = stack.back();
-        stack.pop_back();
-        if (stack.size() < above) above = nobody;
-        if (!balls.empty()) {
-          tighten(part, balls, hint);
-          if (part.bound <= bound) continue;
-        }
-        part.point = part.centroid();
-        std::uint32_t& proof = last.at(part.point);
-        if (!balls.empty() && proof != hint) {
-          tighten(part, balls, hint = proof);
-          if (part.bound <= bound) continue;
-        }
-        const double size = part.size();
-        // A part like one that stayed open is cut unasked: what a ball proves, it proves of both halves.
-        const bool unasked = size > grain && last.was_open(part.point, size);
-        if (unasked) {
-          const auto halves = bisect(part);
-          stack.push_back(halves[1]), stack.push_back(halves[0]);
-          continue;
-        }
-        const BallGap gap = above == nobody ? balls.gap(part.point) : near.gap(part.point);
-        part.value = gap.value;
-        if (!balls.empty()) tighten(part, balls, hint = gap.ball);
-        if (part.bound <= bound) {
-          proof = hint;
-          continue;
-        }
-        if (above == nobody && !balls.empty() && size <= small_enough &&
-            size <= 2 * (balls.balls()[gap.ball].radius + bound)) {
-          if (near.take(part))
-            above = stack.size();
-          else
-            small_enough = 0.25 * size;
-        }
-        // A part across the border of an uncovered spot has points of both kinds, and its centroid may be
-        // covered. Then a corner that is not covered is enough. Splitting until a centroid fails would follow
-        // the border all along.
-        if (size > grain) last.set_open(part.point, size);
-        if (size <= grain)
-          for (const Point& p : part.corner) {
-            const double value = balls.gap(p).value;
-            if (value > part.value) part.value = value, part.point = p;
-          }
-        if (size > smallest && (size > grain || part.value <= bound)) {
-          const auto halves = bisect(part);
-          stack.push_back(halves[1]), stack.push_back(halves[0]);
-        } else {
-          failed[b].push_back(part);
-        }
+  // Adds the failures in one part, until `enough` says that no more are wanted.
+  template <class Enough>
+  void look(const GapPart& whole, std::vector<GapPart>& failed, const Enough& enough) {
+    stack_.assign(1, whole);
+    above_ = kNobody;
+    while (!stack_.empty() && !enough()) {
+      GapPart part = stack_.back();
+      stack_.pop_back();
+      if (stack_.size() < above_) above_ = kNobody;
+      if (proved(part)) continue;
+      // A part across the border of an uncovered spot has points of both kinds, and its centroid may be
+      // covered. Then a corner that is not covered is enough. Splitting until a centroid fails would follow
+      // the border all along.
+      const double size = part.size();
+      if (size > smallest_ && (size > grain_ || part.value <= bound_)) {
+        const auto halves = bisect(part);
+        stack_.push_back(halves[1]), stack_.push_back(halves[0]);
+      } else {
+        failed.push_back(part);
       }
     }
   }
+
+ private:
+  bool proved(GapPart& part) {
+    if (!balls_.empty()) {
+      tighten(part, balls_, hint_);
+      if (part.bound <= bound_) return true;
+    }
+    part.point = part.centroid();
+    std::uint32_t& proof = last_.at(part.point);
+    if (!balls_.empty() && proof != hint_) {
+      tighten(part, balls_, hint_ = proof);
+      if (part.bound <= bound_) return true;
+    }
+    const double size = part.size();
+    // A part like one that stayed open is cut unasked: what a ball proves, it proves of both halves.
+    if (size > grain_ && last_.was_open(part.point, size)) return false;
+    const BallGap gap = above_ == kNobody ? balls_.gap(part.point) : near_.gap(part.point);
+    part.value = gap.value;
+    if (!balls_.empty()) tighten(part, balls_, hint_ = gap.ball);
+    if (part.bound <= bound_) {
+      proof = hint_;
+      return true;
+    }
+    if (above_ == kNobody && !balls_.empty() && size <= small_enough_ &&
+        size <= 2 * (balls_.balls()[gap.ball].radius + bound_)) {
+      if (near_.take(part))
+        above_ = stack_.size();
+      else
+        small_enough_ = 0.25 * size;
+    }
+    if (size > grain_) {
+      last_.set_open(part.point, size);
+      return false;
+    }
+    for (const Point& p : part.corner) {
+      const double value = balls_.gap(p).value;
+      if (value > part.value) part.value = value, part.point = p;
+    }
+    return false;
+  }
+
+  static constexpr std::size_t kNobody = std::numeric_limits<std::size_t>::max();
+  const BallSet& balls_;
+  const double bound_, grain_, smallest_;
+  std::vector<GapPart> stack_;
+  std::uint32_t hint_ = 0;
+  NearBalls near_;
+  std::size_t above_ = kNobody;  // what stands at this place of the stack or higher is cut from near's part
+  LastProofs last_;
+  double small_enough_ = kUnbounded;  // larger parts have too many balls near
+};
+
+}  // namespace
+
+std::vector<GapPart> whole_triangles(const Mesh& mesh) {
+  std::vector<GapPart> parts(mesh.triangles.size());
+  for (std::size_t t = 0; t < parts.size(); t++) parts[t] = gap_part_of(mesh, t);
+  return parts;
+}
+
+std::optional<std::vector<GapPart>> gap_failures(const std::vector<GapPart>& parts, const BallSet& balls,
+                                                 double bound, double grain, std::size_t most) {
+  const std::size_t n = parts.size();
+  double largest = 0;
+  for (const GapPart& part : parts)
+    for (const Point& p : part.corner) largest = std::max(largest, p.cwiseAbs().maxCoeff());
+  constexpr std::size_t block = 256;
+  const std::size_t blocks = (n + block - 1) / block;
+  std::vector<std::vector<GapPart>> failed(blocks);
+  std::atomic<std::size_t> found = 0;  // of all finished parts
+#pragma omp parallel for schedule(dynamic, 4) if (blocks > 4)
+  for (std::size_t b = 0; b < blocks; b++) {
+    FailureSearch search(balls, bound, grain, kSmallestShare * largest);
+    for (std::size_t k = b * block; k < std::min(n, (b + 1) * block); k++) {
+      const std::size_t before = failed[b].size();
+      search.look(parts[k], failed[b], [&] { return found + (failed[b].size() - before) > most; });
+      found += failed[b].size() - before;
+    }
+  }
+  if (found > most) return std::nullopt;
   std::vector<GapPart> all;
+  all.reserve(found);
   for (auto& part : failed) all.insert(all.end(), part.begin(), part.end());
   return all;
+}
+
+std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain) {
+  return *gap_failures(whole_triangles(mesh), balls, bound, grain, std::numeric_limits<std::size_t>::max());
 }
 
 }  // namespace padder

@@ -3,6 +3,7 @@
 // are proved and not sampled; docs/tolerance.md has the proofs. Rounding may falsify them by about 1e-15 of
 // the largest coordinate.
 #pragma once
+#include <optional>
 #include <vector>
 
 #include "padding/geometry/balls.h"
@@ -60,5 +61,13 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor = 0, dou
 // as long as no point of it is known that fails, down to a size where only rounding is left. The order is
 // that of the triangles, for any number of threads.
 std::vector<GapPart> gap_failures(const Mesh& mesh, const BallSet& balls, double bound, double grain);
+
+// The same for parts, as those that failed before: where balls are only added, what is proved stays proved.
+// Gives up when more than `most` parts fail, and returns nothing then.
+std::optional<std::vector<GapPart>> gap_failures(const std::vector<GapPart>& parts, const BallSet& balls,
+                                                 double bound, double grain, std::size_t most);
+
+// One part for each triangle.
+std::vector<GapPart> whole_triangles(const Mesh& mesh);
 
 }  // namespace padder

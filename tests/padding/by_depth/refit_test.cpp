@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <omp.h>
 
+#include <stdexcept>
+
 #include "padding/meshing/remesh.h"
 #include "padding/verify/certify.h"
 #include "tests/padding/random_input.h"
@@ -83,6 +85,28 @@ TEST(Refit, WhereTheBodyIsThickThePapersSpheresStay) {
   }
   EXPECT_GT(far, 100u);
   EXPECT_EQ(same, far);
+}
+
+// At the end the parts are as small as the gap. Parts of that size from the beginning would be a million.
+TEST(Refit, FlatCapsOnLargeTrianglesAreCoveredWithoutVeryManyParts) {
+  const Mesh cube = shapes::box({0, 0, 0}, {0.5, 0.5, 0.5});
+  const Mesh remeshed = remesh(cube, {.edge_length = 0.05}).mesh;
+  const auto before = fit(remeshed, 0.03, 0.05);
+  std::size_t most = 0, rounds = 0;
+  RefitOptions options;
+  options.tell = [&](std::size_t open) { most = std::max(most, open), rounds++; };
+  const auto after = refit(Surface(cube), remeshed, before, options);
+  EXPECT_GT(rounds, 2u);
+  EXPECT_LT(most, 100'000u);
+  EXPECT_LE(gap_bound(cube, BallSet(plain(after))).upper, largest_cap(before) * 1.001);
+}
+
+TEST(Refit, ItsCallerMayEndIt) {
+  const Mesh plate = shapes::box({0, 0, 0}, {1, 1, 0.001});
+  const Mesh remeshed = remesh(plate, {.edge_length = 0.14}).mesh;
+  RefitOptions options;
+  options.tell = [](std::size_t) { throw std::runtime_error("ended"); };
+  EXPECT_THROW(refit(Surface(plate), remeshed, fit(remeshed, 0.1, 0.14), options), std::runtime_error);
 }
 
 TEST(Refit, ASheetIsPaddedBelow) {

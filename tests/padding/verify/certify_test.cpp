@@ -171,5 +171,35 @@ TEST(Certify, SameResultForAnyNumberOfThreads) {
   }
 }
 
+TEST(Certify, WhereBallsAreOnlyAddedWhatFailedBeforeIsEnoughToAsk) {
+  const Mesh mesh = shapes::torus(1, 0.2, 40, 12);
+  const Surface surface(mesh);
+  const std::vector<Ball> all = balls_of(surface, 0.005);
+  std::vector<Ball> half(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2));
+  constexpr double bound = 0.01, grain = 0.02;
+  constexpr std::size_t any = std::numeric_limits<std::size_t>::max();
+  const auto first = gap_failures(mesh, BallSet(half), bound, grain);
+  const auto fresh = gap_failures(mesh, BallSet(all), bound, grain);
+  const auto again = gap_failures(first, BallSet(all), bound, grain, any);
+  ASSERT_FALSE(fresh.empty());
+  ASSERT_LT(fresh.size(), first.size());
+  ASSERT_EQ(again->size(), fresh.size());
+  for (std::size_t k = 0; k < fresh.size(); k++) {
+    EXPECT_EQ((*again)[k].corner, fresh[k].corner);
+    EXPECT_EQ((*again)[k].value, fresh[k].value);
+    EXPECT_EQ((*again)[k].triangle, fresh[k].triangle);
+  }
+}
+
+TEST(Certify, GivesUpWhereMorePartsFailThanAreWanted) {
+  const Mesh mesh = shapes::sphere(4);
+  const BallSet balls({{Point(0, 0, 0), 0.5}});
+  const std::vector<GapPart> whole = whole_triangles(mesh);
+  const std::size_t all = gap_failures(mesh, balls, 0.1, 0.05).size();
+  ASSERT_GE(all, mesh.triangles.size());
+  EXPECT_FALSE(gap_failures(whole, balls, 0.1, 0.05, all - 1));
+  EXPECT_EQ(gap_failures(whole, balls, 0.1, 0.05, all).value().size(), all);
+}
+
 }  // namespace
 }  // namespace padder
