@@ -50,7 +50,8 @@ struct RungSpheres {
 
 RungSpheres by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
                      PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
-  step("remesh", 1);
+  // Folded walls have much surface in a small box: whoever waits is told how much work that is.
+  step(("remesh to about " + count_of(expected_triangles(body.mesh, length), "triangle")).c_str(), 1);
   RemeshOptions remeshing;
   remeshing.edge_length = length;
   remeshing.sharp_angle = body.kind == BodyKind::wrap ? 180 : options.sharp_angle;

@@ -408,11 +408,17 @@ RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
   return q;
 }
 
+std::uint64_t expected_triangles(const Mesh& mesh, double edge_length) {
+  if (!(edge_length > 0)) throw Error("the edge length must be positive");
+  const double expected = mesh.area() / (0.43 * edge_length * edge_length);
+  if (expected > 2147483648.0)
+    throw Error("edges of this length would make more than 2^31 triangles: use a greater edge length");
+  return static_cast<std::uint64_t>(expected);
+}
+
 Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   const double length = options.edge_length;
-  if (!(length > 0)) throw Error("the edge length must be positive");
-  if (input.area() / (0.43 * length * length) > 2147483648.0)
-    throw Error("edges of this length would make more than 2^31 triangles: use a greater edge length");
+  expected_triangles(input, length);  // throws where they are too many
   const double near = options.slivers * length;
   // Edges of a quarter of the length and planes that move by a fiftieth of it do not show in the result.
   const Mesh thinned = with_thinned_fans(input, 0.25 * length, 0.02 * length);

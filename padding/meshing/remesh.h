@@ -48,6 +48,9 @@ struct Remeshed {
 // 2^31 triangles. Takes about 20 s for a million triangles in or out.
 Remeshed remesh(const Mesh& mesh, const RemeshOptions& options);
 
+// About how many triangles with edges of this length cover as much area. Throws Error as remesh() does.
+std::uint64_t expected_triangles(const Mesh& mesh, double edge_length);
+
 RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle);
 
 }  // namespace padder

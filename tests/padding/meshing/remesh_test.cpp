@@ -194,5 +194,15 @@ TEST(Remesh, APartWithoutAreaBetweenSharpEdges) {
   }
 }
 
+TEST(Remesh, AboutAsManyTrianglesAsExpected) {
+  for (const double edge : {0.05, 0.1}) {
+    const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1});
+    const auto made = static_cast<double>(remesh(cube, {.edge_length = edge}).mesh.triangles.size());
+    const auto expected = static_cast<double>(expected_triangles(cube, edge));
+    EXPECT_GT(made, expected / 1.5) << edge;
+    EXPECT_LT(made, expected * 1.5) << edge;
+  }
+}
+
 }  // namespace
 }  // namespace padder
