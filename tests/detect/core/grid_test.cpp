@@ -347,7 +347,9 @@ TEST(Grid, LongLevelsAreHashedForAGpu) {
       const Level on_gpu =
           choose_grid(summary_of(spheres), 0, 400, CrossSearch::coarse_to_fine, bounds).level[0];
       EXPECT_EQ(on_gpu.hashed, length > 2.0 * kMostFloatBins * 0.95) << length;
-      if (!on_gpu.hashed) EXPECT_LE(on_gpu.count[0], kMostFloatBins) << length;
+      if (!on_gpu.hashed) {
+        EXPECT_LE(on_gpu.count[0], kMostFloatBins) << length;
+      }
       EXPECT_FALSE(choose_grid(summary_of(spheres), 0, 400, CrossSearch::cheaper, bounds).level[0].hashed);
     }
   }
@@ -498,7 +500,9 @@ TEST(Grid, JoinedOctavesDoNotCoarsenAHeap) {
   s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
   const Grid g = choose_grid(s, 0, 8, CrossSearch::coarse_to_fine);
   for (const Sphere& p : spheres) {  // what rounds up to the next octave may be alone there
-    if (p.r < 15.99) ASSERT_LT(g.level[level_of(g, p)].size, 64);
+    if (p.r < 15.99) {
+      ASSERT_LT(g.level[level_of(g, p)].size, 64);
+    }
   }
 }
 // Spheres that lie evenly have the grid that their bounds ask for, whatever probes find by chance.
