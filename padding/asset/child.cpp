@@ -200,7 +200,8 @@ void in_child(const std::function<void()>& read, const std::function<bool(ChildP
   const int signal = WIFSIGNALED(status) ? WTERMSIG(status) : 0;
   const bool late = signal == SIGXCPU || signal == SIGALRM || signal == SIGKILL;
   throw Error(where + (late ? ": the reader came to no end on it" : ": the reader crashed on it") +
-              ": the file is damaged, export it again or in another format");
+              ": the file is damaged, or has something that the reader does not know: export it again or in "
+              "another format");
 }
 
 }  // namespace padder

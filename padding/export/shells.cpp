@@ -46,7 +46,7 @@ std::vector<std::vector<std::uint32_t>> overlapping(const Cluster& c) {
 Shell shell_of(const Cluster& c, const Eigen::Isometry3d& pose) {
   static const Icosphere sphere = icosphere(2);
   constexpr std::uint32_t unused = ~std::uint32_t(0);
-  const auto others = overlapping(c);
+  auto others = overlapping(c);
   Shell out;
   std::vector<std::uint32_t> index(sphere.points.size());
   for (std::uint32_t k = 0; k < c.size(); k++) {
@@ -54,14 +54,18 @@ Shell shell_of(const Cluster& c, const Eigen::Isometry3d& pose) {
     const auto corner = [&](std::uint16_t v) -> Point {
       return c.centers[k] + c.radii[k] * sphere.points[v];
     };
+    std::vector<std::uint32_t>& near = others[k];
     for (std::size_t t = 0; t < sphere.corners.size(); t += 3) {
       const std::uint16_t* v = &sphere.corners[t];
       // A ball is convex: with its corners, the triangle is inside.
-      const bool hidden = std::ranges::any_of(others[k], [&](std::uint32_t other) {
+      const auto hides = [&](std::uint32_t other) {
         for (int n = 0; n < 3; n++)
           if (!((corner(v[n]) - c.centers[other]).norm() < c.radii[other])) return false;
         return true;
-      });
+      };
+      const auto hider = std::ranges::find_if(near, hides);
+      const bool hidden = hider != near.end();
+      if (hidden) std::iter_swap(near.begin(), hider);  // it may hide the next triangle, too
       if (hidden) continue;
       std::array<std::uint32_t, 3> triangle;
       for (int n = 0; n < 3; n++) {

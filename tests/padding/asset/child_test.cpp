@@ -32,7 +32,9 @@ std::string sentence(const Work& read, const Talk& send = kNothing, const Talk& 
   return error_of([&] { in_child(read, send, receive, 0, "t.fbx"); });
 }
 const std::string kCrashed =
-    "t.fbx: the reader crashed on it: the file is damaged, export it again or in another format";
+    "t.fbx: the reader crashed on it: the file is damaged, or has something that the reader does not know: "
+    "export it "
+    "again or in another format";
 
 TEST(Child, WhateverHappensThereIsASentenceHere) {
   EXPECT_EQ(sentence([] { throw Error("t.fbx: a reason"); }), "t.fbx: a reason");
