@@ -356,8 +356,7 @@ std::vector<Run> divide_into_levels(const Summary& s, CrossSearch cross_search) 
   Octaves octaves;
   for (const Run& run : runs) octaves.push_back(joined(near, run));
   const std::vector<std::size_t> begins =
-      cheapest(octaves, s.count, cross_search,
-               ProbedDensity(s, groups_of(s, runs), crowded_from(s.count, cross_search)));
+      cheapest(octaves, s.count, cross_search, ProbedDensity(s, groups_of(s, runs)));
   std::vector<Run> levels;
   for (std::size_t level = 0; level < begins.size(); level++) {
     const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : runs.size();

@@ -88,19 +88,11 @@ std::shared_ptr<const Neighbourhood> probe_neighbourhood(const Summary& s, const
   return made;
 }
 
-// Host code. From how many spheres in a bin on it is taken to be crowded. A CPU counts all that probes find.
-// A level more costs a GPU 0.1 ms, however few its spheres are, and crowded bins cost each sphere time: with
-// 1e5 spheres, bins are crowded from 30 spheres on, with 1e6 from 3 on (docs/experiments/levels.md).
-inline double crowded_from(std::uint64_t spheres, CrossSearch cross_search) {
-  return cross_search == CrossSearch::cheaper ? 0 : std::clamp(3e6 / static_cast<double>(spheres), 3.0, 30.0);
-}
 // Host code. What Summary::near says of the spheres near others.
 class ProbedDensity {
  public:
-  // Without probes, or with other groups than `octaves`, it says nothing. Bins with no more than `crowded`
-  // spheres count as 0.
-  ProbedDensity(const Summary& s, const SizeGroups& octaves, double crowded)
-      : near_(s.near.get()), crowded_(crowded) {
+  // Without probes, or with other groups than `octaves`, it says nothing.
+  ProbedDensity(const Summary& s, const SizeGroups& octaves) : near_(s.near.get()) {
     known_ = near_ && near_->groups.count == octaves.count &&
              std::equal(octaves.of_octave, octaves.of_octave + kOctaves, near_->groups.of_octave);
     if (!known_) return;
@@ -113,7 +105,7 @@ class ProbedDensity {
                            (d ? upto_[i][k][d - 1] : 0) - (k && d ? upto_[i][k - 1][d - 1] : 0);
   }
   // The mean number of spheres of groups a to b, at least, in the bins for group b that are near spheres of
-  // group `seen_by`; 0 if they are not crowded. Within 1.5 bins of a sphere there are 27; a coarser sphere
+  // group `seen_by`; 0 if probes found none. Within 1.5 bins of a sphere there are 27; a coarser sphere
   // sees as many of its own size. Probes may find some by chance: two deviations do not count.
   double in_bin(std::size_t a, std::size_t b, std::size_t seen_by) const {
     if (!known_) return 0;
@@ -121,15 +113,14 @@ class ProbedDensity {
     const double found = upto_[seen_by][b][at] - (a ? upto_[seen_by][a - 1][at] : 0),
                  sure = found - 2 * std::sqrt(found) - 2;
     if (sure <= 0) return 0;
-    const double wide = 3 * near_->groups.within[at] / near_->groups.within[b],
-                 density = sure / near_->probes[seen_by] * weight_ / (wide * wide * wide);
-    return density > crowded_ ? density : 0;
+    const double wide = 3 * near_->groups.within[at] / near_->groups.within[b];
+    return sure / near_->probes[seen_by] * weight_ / (wide * wide * wide);
   }
 
  private:
   const Neighbourhood* near_;
   bool known_;
-  double weight_ = 0, crowded_;
+  double weight_ = 0;
   std::uint32_t upto_[kMaxLevels][kMaxLevels][kMaxLevels];  // sums over groups and distances
 };
 
@@ -137,7 +128,7 @@ class ProbedDensity {
 class ProbedLevels {
  public:
   ProbedLevels(const Summary& s, const Grid& g)
-      : near_(s.near.get()), probed_(s, near_ ? near_->groups : SizeGroups(), 0) {
+      : near_(s.near.get()), probed_(s, near_ ? near_->groups : SizeGroups()) {
     for (int o = kOctaves - 1; o >= 0 && near_; o--)
       if (s.octave[o].count) groups_[g.level_of_octave[o]].add(near_->groups.of_octave[o]);
   }
