@@ -124,7 +124,7 @@ class ProbedDensity {
   std::uint32_t upto_[kMaxLevels][kMaxLevels][kMaxLevels];  // sums over groups and distances
 };
 
-// Host code. The same for the levels of a grid that was chosen from the summary, for CrossSearch::cheaper.
+// Host code. The same for the levels of a grid that was chosen from the summary.
 class ProbedLevels {
  public:
   ProbedLevels(const Summary& s, const Grid& g)
@@ -135,10 +135,11 @@ class ProbedLevels {
   // The mean number of spheres of level `at`, at least, in its bins that are near spheres of another level.
   double in_bin(int at, int seen_by) const {
     double sum = 0, probes = 0;
-    for (std::size_t k = groups_[seen_by].first; near_ && k <= groups_[seen_by].last; k++)
-      probes += near_->probes[k],
-          sum +=
-          near_->probes[k] ? near_->probes[k] * probed_.in_bin(groups_[at].first, groups_[at].last, k) : 0;
+    for (std::size_t k = groups_[seen_by].first; near_ && k <= groups_[seen_by].last; k++) {
+      const double of_group = near_->probes[k];
+      if (of_group > 0) sum += of_group * probed_.in_bin(groups_[at].first, groups_[at].last, k);
+      probes += of_group;
+    }
     return probes > 0 ? sum / probes : 0;
   }
 

@@ -48,4 +48,16 @@ inline Mesh blob(RandomInput& random, int levels = 4) {
   return mesh;
 }
 
+// Each triangle with corners of its own, moved by up to `off`.
+inline Mesh with_corners_off(const Mesh& mesh, double off) {
+  RandomInput random(1);
+  Mesh out;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
+    const auto first = static_cast<std::uint32_t>(out.points.size());
+    for (int k = 0; k < 3; k++) out.points.push_back(mesh.corner(t, k) + off * random.direction());
+    out.triangles.push_back({first, first + 1, first + 2});
+  }
+  return out;
+}
+
 }  // namespace padder::shapes

@@ -36,6 +36,17 @@ inline Mesh box(const Point& low, const Point& high, int n = 1) {
   return mesh;
 }
 
+// One of the six faces of a unit cube, an n x n grid.
+inline Mesh face_of_cube(int face, int n) {
+  Mesh cube = box({0, 0, 0}, {1, 1, 1}, n);
+  std::erase_if(cube.triangles, [&](const auto& t) {
+    for (const auto v : t)
+      if (cube.points[v][face / 2] != double(face % 2)) return true;
+    return false;
+  });
+  return cube;
+}
+
 // Sphere of radius 1 around the origin: an octahedron whose triangles are split in four `levels` times.
 inline Mesh sphere(int levels) {
   Mesh mesh;

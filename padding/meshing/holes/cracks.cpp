@@ -7,7 +7,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "padding/geometry/point_tree.h"
+#include "padding/meshing/holes/corner_tree.h"
 
 namespace padder {
 namespace {
@@ -38,19 +38,6 @@ class Needs {
 
  private:
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> count_;
-};
-
-// Some corners of a mesh, and a tree over their places.
-struct CornerTree {
-  std::vector<std::uint32_t> corners;  // ascending, each once
-  std::vector<Point> places;
-  PointTree tree;  // numbers them as `corners` does
-
-  CornerTree(const Mesh& mesh, std::vector<std::uint32_t> some) : corners(std::move(some)) {
-    sort_unique(corners);
-    for (const auto v : corners) places.push_back(mesh.points[v]);
-    tree = PointTree(places);
-  }
 };
 
 std::vector<std::uint32_t> all_ends(const std::vector<DirectedEdge>& edges) {

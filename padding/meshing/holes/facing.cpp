@@ -5,10 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <optional>
 #include <utility>
 
-#include "padding/geometry/point_tree.h"
+#include "padding/meshing/holes/corner_tree.h"
 #include "padding/meshing/pieces.h"
 #include "padding/meshing/turns.h"
 
@@ -25,6 +24,11 @@ struct BorderEdge {
   Vector away;  // from the edge into the triangle; of length 1
 };
 
+// Where a number stands in a list that ascends.
+std::uint32_t place_in(const std::vector<std::uint32_t>& ascending, std::uint32_t number) {
+  return static_cast<std::uint32_t>(std::ranges::lower_bound(ascending, number) - ascending.begin());
+}
+
 class Facing {
  public:
   Facing(Mesh& mesh, const std::vector<std::uint32_t>& open, double width)
@@ -33,23 +37,18 @@ class Facing {
   std::size_t run() {
     find_border();
     if (pieces_ < 2 || border_.empty()) return 0;
-    std::vector<std::uint32_t> corners;
-    for (const BorderEdge& e : border_) corners.push_back(e.from), corners.push_back(e.to);
-    sort_unique(corners);
-    std::vector<Point> places;
-    for (const auto v : corners) places.push_back(mesh_.points[v]);
-    const PointTree tree(places);
-    std::vector<std::vector<std::uint32_t>> edges_at(corners.size());
+    std::vector<std::uint32_t> ends;
+    for (const BorderEdge& e : border_) ends.push_back(e.from), ends.push_back(e.to);
+    const CornerTree corners(mesh_, std::move(ends));
+    std::vector<std::vector<std::uint32_t>> edges_at(corners.corners.size());
     for (std::uint32_t e = 0; e < border_.size(); e++)
       for (const auto v : {border_[e].from, border_[e].to})
-        edges_at[static_cast<std::size_t>(std::lower_bound(corners.begin(), corners.end(), v) -
-                                          corners.begin())]
-            .push_back(e);
+        edges_at[place_in(corners.corners, v)].push_back(e);
     std::vector<std::uint32_t> near, last(border_.size(), ~0u);  // last: the edge that saw this one last
     for (std::uint32_t e = 0; e < border_.size(); e++) {
       const Point &a = mesh_.points[border_[e].from], &b = mesh_.points[border_[e].to];
       near.clear();
-      tree.find(0.5 * (a + b), 0.5 * (b - a).norm() + width_, near);
+      corners.tree.find(0.5 * (a + b), 0.5 * (b - a).norm() + width_, near);
       for (const auto k : near)
         for (const auto f : edges_at[k])
           if (std::exchange(last[f], e) != e && border_[f].piece != border_[e].piece)
@@ -61,9 +60,7 @@ class Facing {
  private:
   void find_border() {
     std::vector<std::uint32_t> parent = numbered(open_.size());
-    const auto local = [&](std::uint32_t t) {
-      return static_cast<std::uint32_t>(std::lower_bound(order_.begin(), order_.end(), t) - order_.begin());
-    };
+    const auto local = [&](std::uint32_t t) { return place_in(order_, t); };
     order_ = open_;
     sort_unique(order_);
     const std::vector<Side> sides = sides_of(mesh_, order_);

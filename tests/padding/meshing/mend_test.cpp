@@ -18,7 +18,7 @@
 namespace padder {
 namespace {
 
-using shapes::RandomInput, shapes::joined, shapes::turned_over, shapes::winding;
+using shapes::RandomInput, shapes::joined, shapes::turned_over, shapes::winding, shapes::with_corners_off;
 
 Mesh moved(Mesh mesh, const Eigen::Matrix3d& by, const Vector& to) {
   for (Point& p : mesh.points) p = by * p + to;
@@ -640,16 +640,8 @@ TEST(Mend, CracksAndTJunctionsAreClosed) {
 TEST(Mend, TouchingCubesWhoseFacesAreDividedEachByItselfAreSolid) {
   const auto cube = [](double x, std::array<int, 6> parts) {
     Mesh all;
-    for (std::size_t face = 0; face < 6; face++) {
-      const auto axis = static_cast<Eigen::Index>(face / 2);
-      const Mesh whole = shapes::box({0, 0, 0}, {1, 1, 1}, parts[face]);
-      Mesh one = whole;
-      std::erase_if(one.triangles, [&](const auto& t) {
-        return !std::all_of(t.begin(), t.end(),
-                            [&](auto v) { return whole.points[v][axis] == double(face % 2); });
-      });
-      all = joined(all, one);
-    }
+    for (std::size_t face = 0; face < 6; face++)
+      all = joined(all, shapes::face_of_cube(static_cast<int>(face), parts[face]));
     return moved(all, Eigen::Matrix3d::Identity(), {x, 0, 0});
   };
   const Mesh one = cube(0, {1, 2, 4, 3, 5, 3}), other = cube(1, {4, 1, 3, 3, 2, 5});
@@ -701,18 +693,6 @@ TEST(Mend, TrianglesThatAllLieApartByCracksAreOneBody) {
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_LT(r.steps.cracks, 8 * apart.triangles.size());
   EXPECT_NEAR(volume(r), mass_properties(ball).volume, 0.01);
-}
-
-// Each triangle with corners of its own, moved by up to `off`.
-Mesh with_corners_off(const Mesh& mesh, double off) {
-  RandomInput random(1);
-  Mesh out;
-  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const auto first = static_cast<std::uint32_t>(out.points.size());
-    for (int k = 0; k < 3; k++) out.points.push_back(mesh.corner(t, k) + off * random.direction());
-    out.triangles.push_back({first, first + 1, first + 2});
-  }
-  return out;
 }
 
 TEST(Mend, CornersThatLieNearEachOtherAreJoined) {

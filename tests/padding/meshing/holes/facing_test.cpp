@@ -21,12 +21,7 @@ std::vector<std::uint32_t> all_of(const Mesh& mesh) { return numbered(mesh.trian
 Mesh faces_of_a_cube(RandomInput& random, double off) {
   Mesh all;
   for (int face = 0; face < 6; face++) {
-    const Mesh whole = shapes::box({0, 0, 0}, {1, 1, 1}, 1 + static_cast<int>(random.uniform(0, 4.999)));
-    Mesh one = whole;
-    std::erase_if(one.triangles, [&](const auto& t) {
-      return !std::all_of(t.begin(), t.end(),
-                          [&](auto v) { return whole.points[v][face / 2] == double(face % 2); });
-    });
+    Mesh one = shapes::face_of_cube(face, 1 + static_cast<int>(random.uniform(0, 4.999)));
     for (Point& p : one.points) p += off * random.direction();
     all = joined(all, random.uniform(0, 1) < 0.5 ? turned_over(one) : one);
   }
