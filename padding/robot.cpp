@@ -336,14 +336,13 @@ class Links {
 
 }  // namespace
 
-PaddedRobot pad_robot(const fs::path& path, const PadOptions& asked, const RobotOptions& whole,
+PaddedRobot pad_robot(const fs::path& path, Urdf urdf, const PadOptions& asked, const RobotOptions& whole,
                       const RobotProgress& progress) {
   PadOptions options = asked;
   if (whole.max_spheres > 0 && (options.by_tolerance() || options.depth_ratio))
     throw Error(
         "a number of spheres for the whole robot (--robot-spheres) excludes a tolerance, a count and a "
         "depth ratio for each link: leave these out");
-  Urdf urdf = read_robot(path, whole.reading);
   if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
     throw Error(path.string() + ": no link has any geometry" +
                 (urdf.notes.empty() ? "" : " (" + urdf.notes.front() + ")"));
@@ -394,6 +393,11 @@ PaddedRobot pad_robot(const fs::path& path, const PadOptions& asked, const Robot
   for (Apart& pair : self_collisions(urdf.model, {.poses = whole.poses})) urdf.model.apart.push_back(pair);
   out.model = std::move(urdf.model);
   return out;
+}
+
+PaddedRobot pad_robot(const fs::path& path, const PadOptions& options, const RobotOptions& whole,
+                      const RobotProgress& progress) {
+  return pad_robot(path, read_robot(path, whole.reading), options, whole, progress);
 }
 
 }  // namespace padder

@@ -44,7 +44,9 @@ ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf);
 // used. Links are padded side by side on all threads, with the same result for any number of them.
 // model.apart lists neighbours, and what self_collisions() finds. Throws Error with link and file in the
 // sentence.
-PaddedRobot pad_robot(const std::filesystem::path& urdf, const PadOptions& options,
+PaddedRobot pad_robot(const std::filesystem::path& file, Urdf robot, const PadOptions& options,
                       const RobotOptions& whole = {}, const RobotProgress& progress = {});
+PaddedRobot pad_robot(const std::filesystem::path& file, const PadOptions& options,
+                      const RobotOptions& whole = {}, const RobotProgress& progress = {});  // reads it first
 
 }  // namespace padder

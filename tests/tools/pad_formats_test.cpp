@@ -20,8 +20,8 @@ class PadFormatsTest : public ExportTest {
                "<joint name='j' type='continuous'><parent link='a'/><child link='b'/><axis xyz='0 0 "
                "1'/></joint></robot>");
   }
-  Ran pad(const std::string& arguments) {
-    return run("cd '" + folder_.string() + "' && '" PADDER_BIN "/pad' " + arguments);
+  Ran pad(const std::string& arguments, const std::string& before = "") {
+    return run("cd '" + folder_.string() + "' && " + before + " '" PADDER_BIN "/pad' " + arguments);
   }
 };
 
@@ -190,6 +190,17 @@ TEST_F(PadFormatsTest, AMassIsInKilogrammes) {
     const Ran r = pad("cube.obj --edge-length 10% --json " + std::string(unit) + " 2>/dev/null");
     EXPECT_NEAR(nlohmann::json::parse(r.output)["mass"].get<double>(), mass, 1e-6 * mass) << unit;
   }
+}
+
+TEST_F(PadFormatsTest, ARobotIsReadOnce) {
+  write_file(folder_ / "xacro", "#!/bin/sh\necho read >> reads\ncat \"$1\"\n");
+  fs::permissions(folder_ / "xacro", fs::perms::owner_all);
+  fs::rename(folder_ / "r.urdf", folder_ / "r.xacro");
+  EXPECT_EQ(pad("r.xacro --edge-length 10% -q -o all/", "PATH=\"$PWD:$PATH\"").output, "");
+  EXPECT_EQ(read_file(folder_ / "reads"), "read\n");
+  fs::remove(folder_ / "reads"), write_file(folder_ / "list", "r.xacro --edge-length 10%\n");
+  EXPECT_EQ(pad("--manifest list -q -o all/", "PATH=\"$PWD:$PATH\"").output, "");
+  EXPECT_EQ(read_file(folder_ / "reads"), "read\nread\n");  // once more for the list, in another process
 }
 
 // The .srdf that a URDF brings along lists pairs alone; one that is asked for has the spheres, too.

@@ -15,15 +15,13 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 // Formats that list the spheres of each link in the link's own frame, and place no link.
-bool places_no_link(const Format& format) {
-  const std::string name = format.name;
-  return name == "curobo" || name == "xrdf" || name == "srdf";
+bool places_no_link(const OutputFile& file) {
+  return file.is("curobo") || file.is("xrdf") || file.is("srdf");
 }
 
-void write(const SphereModel& spheres, const OutputFile& file, const ConvertJob& job,
+void write(const SphereModel& spheres, const std::string& input, const OutputFile& file, double density,
            std::vector<std::string>& warnings) {
   const Model& model = spheres.model;
-  const std::string input = job.input.string();
   if (!file.format) {
     if (model.bodies.size() > 1)
       throw Error(input + " holds " + std::to_string(model.bodies.size()) +
@@ -31,36 +29,36 @@ void write(const SphereModel& spheres, const OutputFile& file, const ConvertJob&
     write_cluster(model.bodies[0].cluster, file.path);
     return;
   }
-  if (spheres.links && !places_no_link(*file.format))
+  if (spheres.links && !places_no_link(file))
     throw Error("of " + input + " the spheres of its " + std::to_string(model.bodies.size()) +
                 " links are read, but not where the links are, which " + file.path.string() +
                 " must say: convert the robot's URDF with the spheres, or write .yaml, .xrdf or .srdf");
-  if (spheres.links && std::string_view(file.format->name) != "srdf")  // which holds no joints
+  if (spheres.links && !file.is("srdf"))  // which holds no joints
     warnings.push_back("the joints, the base and the tool of " + input + " are not read: set them in " +
                        file.path.string() + ", or convert the robot's URDF");
   if (file.format->in_metres && model.unit.empty())
     warnings.push_back(input + " does not say its unit, so " + file.path.string() +
                        " takes its lengths for metres: name the unit with --unit");
-  for (auto& sentence : write_model(model, file.path, *file.format, job.exporting))
+  for (auto& sentence : write_model(model, file.path, *file.format, {density}))
     warnings.push_back(std::move(sentence));
 }
 
 }  // namespace
 
-Json run_convert(const ConvertJob& job) {
-  SphereModel spheres = read_sphere_model(job.input);
+Json run_convert(const PadArguments& a, const std::string& input, const PadTarget& target) {
+  SphereModel spheres = read_sphere_model(input);
   Model& model = spheres.model;
-  const std::string unit = job.unit.empty() ? model.unit : job.unit;
-  if (job.scale != 1 || unit != model.unit) model = scaled(std::move(model), job.scale, unit);
+  const std::string unit = a.unit.empty() ? model.unit : a.unit;
+  if (a.scale != 1 || unit != model.unit) model = scaled(std::move(model), a.scale, unit);
   for (Body& body : model.bodies) {
-    if (job.family != 0) body.cluster.family = job.family;
-    if (job.mask != 0) body.cluster.mask = job.mask;
+    if (a.options.family != 0) body.cluster.family = a.options.family;
+    if (a.options.mask != 0) body.cluster.mask = a.options.mask;
   }
   std::vector<std::string> warnings;
   Json outputs = Json::array();
-  for (const OutputFile& file : in_writing_order(job.outputs)) write(spheres, file, job, warnings);
-  for (const OutputFile& file : job.outputs) outputs.push_back(file.path.string());
-  return {{"input", cli::StreamFiles::spoken(job.input.string())},
+  for (const OutputFile& file : target.in_writing_order()) write(spheres, input, file, a.density, warnings);
+  for (const OutputFile& file : target.outputs) outputs.push_back(file.path.string());
+  return {{"input", cli::StreamFiles::spoken(input)},
           {"output", outputs[0]},
           {"outputs", outputs},
           {"parts", model.bodies.size()},

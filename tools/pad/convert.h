@@ -3,23 +3,15 @@
 #pragma once
 #include <nlohmann/json.hpp>
 #include <string>
-#include <vector>
 
-#include "tools/pad/robot.h"
+#include "tools/pad/arguments.h"
+#include "tools/pad/target.h"
 
 namespace padder {
 
-struct ConvertJob {
-  std::filesystem::path input;  // is_sphere_file (padding/import/import.h)
-  std::vector<OutputFile> outputs;
-  double scale = 1;
-  std::string unit;                    // "": that of the file
-  std::uint32_t family = 0, mask = 0;  // 0: those of the file
-  ExportOptions exporting;
-};
-
-// Reads, writes, and reports: input, outputs, parts, spheres, warnings. Throws Error.
-nlohmann::ordered_json run_convert(const ConvertJob& job);
+// Reads `file` (is_sphere_file, padding/import/import.h), writes, and reports: input, outputs, parts,
+// spheres, warnings. A family or mask of 0 leaves those of the file. Throws Error.
+nlohmann::ordered_json run_convert(const PadArguments& a, const std::string& file, const PadTarget& target);
 
 void print_convert(const nlohmann::ordered_json& report);  // for people, on stdout
 

@@ -87,78 +87,45 @@ void make_folder_of(const fs::path& file) {
   if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
 }
 
-// What --preview names, or NAME.png in its folder.
-fs::path preview_file(const PadArguments& a, const std::string& input) {
-  if (a.preview.empty() || !is_folder(a.preview)) return a.preview;
-  return fs::path(a.preview) / (fs::path(input).stem().string() + ".png");
-}
-
-Urdf read_links(const std::string& file, const PadArguments& a) {
-  UrdfOptions reading = a.robot.reading;
-  reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
-  return read_robot(file, reading);
-}
-
-Json pad_urdf(const PadArguments& a, const std::string& file, const PadTarget& goal,
-              const PadProgress& progress, const std::function<void()>& done) {
+Json pad_urdf(const PadArguments& a, const std::string& file, const PadTarget& target,
+              const PadProgress& progress) {
   if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
     throw Error(file + ": a URDF is in metres: leave out --scale and --unit");
-  RobotJob job{file,
-               goal.outputs(),
-               a.options,
-               a.robot,
-               {a.density},
-               goal.in_folder,
-               preview_file(a, file).string(),
-               a.colour,
-               {}};
-  job.whole.reading.package_folders.assign(a.package_folders.begin(), a.package_folders.end());
-  for (const std::string& joint : a.joints) {
-    const std::size_t at = std::min(joint.rfind('='), joint.size());
-    const auto value = cli::number_of<double>(std::string_view(joint).substr(std::min(at + 1, joint.size())));
-    if (!value || !std::isfinite(*value))
-      throw cli::UsageError("--joint takes NAME=VALUE, as elbow=1.57, not \"" + joint + '"');
-    job.joints[joint.substr(0, at)] = *value;
-  }
-  Json report = run_robot(job, [&](const std::string& link, std::size_t at, std::size_t of) {
+  return run_robot(a, file, target, [&](const std::string& link, std::size_t at, std::size_t of) {
     if (progress) progress(link.c_str(), int(at), int(of));
   });
-  done();
-  if (!a.json && !a.quiet) print_robot(report);
-  return report;
-}
-
-Json convert(const PadArguments& a, const std::string& file, const PadTarget& goal,
-             const std::function<void()>& done) {
-  Json report =
-      run_convert({file, goal.outputs(), a.scale, a.unit, a.options.family, a.options.mask, {a.density}});
-  done();
-  if (!a.json && !a.quiet) print_convert(report);
-  return report;
 }
 
 }  // namespace
 
 fs::path pairs_file(const std::string& input, const OutputFile& output) {
-  const bool urdf = output.format && std::string_view(output.format->name) == "urdf";
-  if (!urdf || !(is_robot(input) || is_sphere_file(input))) return {};  // a mesh is one body, without pairs
+  if (!output.is("urdf") || !(is_robot(input) || is_sphere_file(input)))
+    return {};  // a mesh is one body, without pairs
   return fs::path(output.path).replace_extension(".srdf");
 }
 
-std::vector<fs::path> further_inputs(const std::string& file, const PadArguments& a) {
+std::shared_future<Urdf> robot_of(const std::string& file, const PadArguments& a) {
+  return std::async(std::launch::deferred,
+                    [file, reading = a.robot.reading, folders = a.package_folders]() mutable {
+                      reading.package_folders.assign(folders.begin(), folders.end());
+                      return read_robot(file, reading);
+                    });
+}
+
+std::vector<fs::path> further_inputs(const std::string& file, const std::shared_future<Urdf>& robot) {
   if (file.ends_with(".gltf")) return reading::files_beside_gltf(file);
   std::vector<fs::path> files;
   if (!is_robot(file)) return files;
-  for (const UrdfLink& link : read_links(file, a).links)
+  for (const UrdfLink& link : robot.get().links)
     for (const UrdfShape& shape : link.shapes)
       if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);
   return files;
 }
 
-void note_inputs(const PadArguments& a, const std::string& file, cli::RunFiles& files) {
+void note_inputs(const std::string& file, const std::shared_future<Urdf>& robot, cli::RunFiles& files) {
   files.reads(file);
   try {
-    for (const fs::path& further : further_inputs(file, a)) files.reads(further);
+    for (const fs::path& further : further_inputs(file, robot)) files.reads(further);
   } catch (const Error&) {
   }
 }
@@ -170,31 +137,35 @@ void note_outputs(const PadArguments& a, const std::string& file, const PadTarge
     files.writes(path, several || !*option ? file : option + path.string(),
                  several ? "pad them one by one, each with its own -o" : "name another file");
   };
-  write(target.first.path, a.outputs.empty() ? "" : "-o ");
-  for (const OutputFile& more : target.more) write(more.path, "-o ");
-  for (const OutputFile& output : target.outputs()) {
+  for (const OutputFile& output : target.outputs) write(output.path, a.outputs.empty() ? "" : "-o ");
+  for (const OutputFile& output : target.outputs) {
     const fs::path pairs = pairs_file(file, output);
     const bool named = std::ranges::any_of(a.outputs, [&](const fs::path& path) { return path == pairs; });
     if (!pairs.empty() && !named) write(pairs, "");
   }
   if (!target.mesh.empty()) write(target.mesh, "--write-mesh ");
-  if (!a.preview.empty()) write(preview_file(a, file), "--preview ");
+  if (!target.preview.empty()) write(target.preview, "--preview ");
   if (!target.in_folder || !is_robot(file)) return;
   try {
-    for (const UrdfLink& link : read_links(file, a).links)
-      if (!link.shapes.empty()) write(link_file(target.first.path.parent_path(), link.name), "");
+    for (const UrdfLink& link : target.robot.get().links)
+      if (!link.shapes.empty()) write(link_file(target.outputs[0].path.parent_path(), link.name), "");
   } catch (const Error&) {  // its reader says so
   }
 }
 
 Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& target,
              const PadProgress& progress, const std::function<void()>& done) {
-  make_folder_of(target.first.path), make_folder_of(preview_file(a, file));
-  if (is_robot(file)) return pad_urdf(a, file, target, progress, done);
-  if (is_sphere_file(file)) return convert(a, file, target, done);
+  make_folder_of(target.outputs[0].path), make_folder_of(target.preview);
+  const bool robot = is_robot(file), print = !a.json && !a.quiet;
+  if (robot || is_sphere_file(file)) {
+    Json report = robot ? pad_urdf(a, file, target, progress) : run_convert(a, file, target);
+    done();
+    if (print) robot ? print_robot(report) : print_convert(report);
+    return report;
+  }
   const Padded padded = pad_file(file, {a.scale, a.unit}, a.options, progress);
   std::vector<std::string> warnings = padded.report.warnings;
-  for (const OutputFile& out : target.outputs()) {
+  for (const OutputFile& out : target.outputs) {
     make_folder_of(out.path);
     if (!out.format) {
       write_cluster(padded.cluster, out.path);
@@ -207,15 +178,14 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
     make_folder_of(target.mesh);
     write_mesh(padded.mesh, target.mesh);
   }
-  if (!a.preview.empty()) {
-    View view = view_of(padded.cluster, mesh_of(padded.cluster, target.first.path, file));
+  if (!target.preview.empty()) {
+    View view = view_of(padded.cluster, mesh_of(padded.cluster, target.outputs[0].path, file));
     view.marks = padded.marks;
-    write_preview(view, preview_file(a, file), a.colour);
+    write_preview(view, target.preview, a.colour);
   }
   done();
-  const PadFiles files{file, target.first.path, target.mesh, a.density};
-  if (!a.json && !a.quiet) print_report(files, padded);
-  Json report = report_json(files, a.options, padded, warnings);
+  if (print) print_report(a, file, target, padded);
+  Json report = report_json(a, file, target, padded, warnings);
   if (a.verbose) print_seconds(report);
   return report;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// One mesh or robot: where its result goes, and the padding itself.
+// One mesh or robot: what its run reads and writes, and the padding itself.
 #pragma once
 #include <filesystem>
 #include <functional>
@@ -10,27 +10,13 @@
 
 #include "padding/pad.h"
 #include "tools/pad/arguments.h"
-#include "tools/pad/robot.h"
+#include "tools/pad/target.h"
 #include "tools/run_files.h"
 
 namespace padder {
 
 bool is_robot(const std::string& file);   // by its ending, or MJCF with other geoms than spheres
 bool is_folder(const std::string& path);  // it is one, or ends with /
-
-// Where a result goes.
-struct PadTarget {
-  OutputFile first;
-  std::vector<OutputFile> more;  // of further -o
-  bool in_folder = false;        // -o names a folder, not the file
-  std::filesystem::path mesh;    // where --write-mesh puts the surface; empty without it
-
-  std::vector<OutputFile> outputs() const {
-    std::vector<OutputFile> all{first};
-    all.insert(all.end(), more.begin(), more.end());
-    return all;
-  }
-};
 
 // If it is a file of spheres, it is converted: so it must be said to what, and nothing about padding. `given`
 // is settings_of() what holds for it. Throws cli::UsageError.
@@ -51,13 +37,18 @@ std::string output_name(const std::string& mesh, const Format* format);
 // URDF.
 std::filesystem::path pairs_file(const std::string& input, const OutputFile& output);
 
+// The robot in `file`, if it is one. It is read when it is first asked for, and once: get() returns it, or
+// throws the Error of its reader, each time.
+std::shared_future<Urdf> robot_of(const std::string& file, const PadArguments& a);
+
 // The files that `file` refers to and that its shape depends on: buffers of a .gltf, meshes of a robot.
 // Throws Error where the file cannot be read.
-std::vector<std::filesystem::path> further_inputs(const std::string& file, const PadArguments& a);
+std::vector<std::filesystem::path> further_inputs(const std::string& file,
+                                                  const std::shared_future<Urdf>& robot);
 
 // Notes in `files` that the run reads `file` and what it refers to. A file that cannot be read is not
 // complained about here.
-void note_inputs(const PadArguments& a, const std::string& file, cli::RunFiles& files);
+void note_inputs(const std::string& file, const std::shared_future<Urdf>& robot, cli::RunFiles& files);
 
 // Notes what the target of `file` writes. Throws cli::UsageError, with the remedy, where the run reads a file
 // of that name or writes it already.

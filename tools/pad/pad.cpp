@@ -49,9 +49,14 @@ fs::path surface_file(const PadArguments& a, const std::string& mesh) {
   return a.write_mesh;
 }
 
-// The files of -o after the first: of one input, and each tells its format by its ending.
-std::vector<OutputFile> further_outputs(const PadArguments& a) {
-  std::vector<OutputFile> out;
+// What --preview names, or NAME.png in its folder.
+fs::path preview_file(const PadArguments& a, const std::string& mesh) {
+  if (!is_folder(a.preview)) return a.preview;
+  return fs::path(a.preview) / (fs::path(mesh).stem().string() + ".png");
+}
+
+// Adds the files of -o after the first: of one input, and each tells its format by its ending.
+void add_further_outputs(const PadArguments& a, std::vector<OutputFile>& out) {
   for (std::size_t k = 1; k < a.outputs.size(); k++) {
     const std::string& path = a.outputs[k];
     if (a.meshes.size() > 1 || is_folder(a.outputs[0]) || is_folder(path))
@@ -65,7 +70,6 @@ std::vector<OutputFile> further_outputs(const PadArguments& a) {
       throw UsageError(e.what());
     }
   }
-  return out;
 }
 
 // Where the results go: no two to one file, and none over what the run reads.
@@ -76,7 +80,6 @@ std::vector<PadTarget> targets(const PadArguments& a, const std::map<std::string
     throw UsageError("-o must name a folder when there are several meshes: make it, or end it with /");
   std::vector<PadTarget> out;
   cli::RunFiles files;
-  for (const auto& mesh : a.meshes) note_inputs(a, mesh, files);
   for (const auto& mesh : a.meshes) {
     if (mesh == "%")
       throw UsageError("a % stands alone: write a share of the diagonal as one word, as in --tolerance 5%");
@@ -84,17 +87,20 @@ std::vector<PadTarget> targets(const PadArguments& a, const std::map<std::string
     t.in_folder = folder;
     check_conversion(a, given, mesh);
     t.mesh = surface_file(a, mesh);
-    t.more = further_outputs(a);
+    t.preview = preview_file(a, mesh);
+    t.robot = robot_of(mesh, a);
     const Format* format = format_of(a, mesh);
     fs::path path = output_name(mesh, format);
     if (folder)
       path = fs::path(output) / path;
     else if (!output.empty())
       path = output;
-    t.first = {path, format};
-    note_outputs(a, mesh, t, files);
+    t.outputs = {{path, format}};
+    add_further_outputs(a, t.outputs);
+    note_inputs(mesh, t.robot, files);
     out.push_back(t);
   }
+  for (std::size_t k = 0; k < out.size(); k++) note_outputs(a, a.meshes[k], out[k], files);
   if (!a.preview.empty() && !is_folder(a.preview) && (a.meshes.size() > 1 || !is_preview(a.preview)))
     throw UsageError("--preview " + cli::in_quotes(a.preview) +
                      (a.meshes.size() > 1

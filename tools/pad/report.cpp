@@ -65,10 +65,26 @@ void print_repair(const PadReport& r, const Accuracy& a) {
     std::printf("  and %zu closed slots more (--json lists them)\n", r.slots.size() - 5);
 }
 
+// The two largest errors in percent of the diagonal, each with what stands behind it: "protrusion at most
+// 0.43 % (mean 0.17 %), gap at most 0.37 % (mean 0.004 %), both proved against the input".
+std::string errors_text(const Accuracy& a, double diagonal) {
+  const auto percent = [&](double length) { return 100 * length / diagonal; };
+  // The proof of the gap needs no inside, so it also holds for an open sheet.
+  const bool proved = a.proved_against != SurfaceKind::none;
+  char text[400];
+  std::snprintf(text, sizeof text,
+                "protrusion %s%.3f %% (mean %.3f %%)%s, gap at most %.3f %% (mean %.4f %%), %s",
+                proved ? "at most " : "", percent(a.protrusion_max), percent(a.protrusion_mean),
+                proved ? "" : " in the samples", percent(a.gap_max), percent(a.gap_mean),
+                proved ? "both proved against the input" : "only the gap proved");
+  return text;
+}
+
 }  // namespace
 
-Json report_json(const PadFiles& files, const PadOptions& options, const Padded& p,
+Json report_json(const PadArguments& a, const std::string& file, const PadTarget& target, const Padded& p,
                  const std::vector<std::string>& warnings) {
+  const PadOptions& options = a.options;
   const auto& r = p.report;
   const auto& s = r.seconds;
   const bool depth_mode = options.by_depth();
@@ -78,9 +94,9 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
                     {"spheres", lod.radii.size()},
                     {"accuracy", Json::parse(to_json(lod.accuracy))}});
   const auto [least, most] = std::minmax_element(p.cluster.radii.begin(), p.cluster.radii.end());
-  return {{"input", cli::StreamFiles::spoken(files.input)},
-          {"output", files.output.string()},
-          {"mesh", files.mesh.empty() ? Json(nullptr) : Json(files.mesh.string())},
+  return {{"input", cli::StreamFiles::spoken(file)},
+          {"output", target.outputs[0].path.string()},
+          {"mesh", target.mesh.empty() ? Json(nullptr) : Json(target.mesh.string())},
           {"triangles_in", r.triangles_in},
           {"triangles_remeshed", r.triangles_remeshed},
           {"repair", p.cluster.source.repair},
@@ -103,8 +119,8 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
           {"radius_max", *most},
           {"accuracy", Json::parse(to_json(p.cluster.accuracy))},
           {"volume", p.cluster.mass.volume > 0 ? Json(p.cluster.mass.volume) : Json(nullptr)},
-          {"density", files.density},
-          {"mass", p.cluster.mass.volume > 0 ? Json(mass_of(p.cluster, files.density)) : Json(nullptr)},
+          {"density", a.density},
+          {"mass", p.cluster.mass.volume > 0 ? Json(mass_of(p.cluster, a.density)) : Json(nullptr)},
           {"buried", r.buried},
           {"repair_steps",
            {{"pieces", r.steps.pieces},
@@ -145,23 +161,10 @@ Json report_json(const PadFiles& files, const PadOptions& options, const Padded&
             {"total", s.total()}}}};
 }
 
-std::string errors_text(const Accuracy& a, double diagonal) {
-  const auto percent = [&](double length) { return 100 * length / diagonal; };
-  // The proof of the gap needs no inside, so it also holds for an open sheet.
-  const bool proved = a.proved_against != SurfaceKind::none;
-  char text[400];
-  std::snprintf(text, sizeof text,
-                "protrusion %s%.3f %% (mean %.3f %%)%s, gap at most %.3f %% (mean %.4f %%), %s",
-                proved ? "at most " : "", percent(a.protrusion_max), percent(a.protrusion_mean),
-                proved ? "" : " in the samples", percent(a.gap_max), percent(a.gap_mean),
-                proved ? "both proved against the input" : "only the gap proved");
-  return text;
-}
-
-void print_report(const PadFiles& files, const Padded& p) {
+void print_report(const PadArguments& a, const std::string& file, const PadTarget& target, const Padded& p) {
   const auto& r = p.report;
   const auto& c = p.cluster;
-  std::printf("%s: %llu triangles", cli::StreamFiles::spoken(files.input).c_str(),
+  std::printf("%s: %llu triangles", cli::StreamFiles::spoken(file).c_str(),
               (unsigned long long)r.triangles_in);
   if (r.triangles_remeshed > 0) std::printf(", remeshed to %llu", (unsigned long long)r.triangles_remeshed);
   std::printf("; repair: %s\n", c.source.repair.c_str());
@@ -184,11 +187,11 @@ void print_report(const PadFiles& files, const Padded& p) {
   if (c.mass.volume > 0) {
     const bool known = !c.unit.empty();
     std::printf("  volume %.4g%s, mass %.4g%s at a density of %g%s\n", c.mass.volume,
-                known ? (" " + c.unit + "^3").c_str() : "", mass_of(c, files.density), known ? " kg" : "",
-                files.density, known ? " kg/m^3" : "");
+                known ? (" " + c.unit + "^3").c_str() : "", mass_of(c, a.density), known ? " kg" : "",
+                a.density, known ? " kg/m^3" : "");
   }
-  std::printf("  wrote %s\n", files.output.c_str());
-  if (!files.mesh.empty()) std::printf("  wrote %s\n", files.mesh.c_str());
+  for (const OutputFile& output : target.outputs) std::printf("  wrote %s\n", output.path.c_str());
+  if (!target.mesh.empty()) std::printf("  wrote %s\n", target.mesh.c_str());
 }
 
 void print_seconds(const Json& report) {

@@ -2,14 +2,16 @@
 #include "tools/pad/robot.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <map>
 
 #include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
-#include "padding/mjcf/mjcf.h"
 #include "padding/view/page.h"
+#include "tools/arguments.h"
+#include "tools/cli.h"
 #include "tools/streams.h"
 #include "tools/usage.h"
 
@@ -38,29 +40,34 @@ void check_place(const std::string& where, const Model& model, const std::string
                 short_number(joint.upper, 9) + (joint.turns() ? " radians" : " metres"));
 }
 
-// What could not be done once the links are padded is refused before.
-void check_job(const RobotJob& job) {
-  Urdf urdf = read_robot(job.urdf, job.whole.reading);
-  keep_neighbours_apart(urdf);
-  for (const OutputFile& file : job.outputs) check_filters(urdf.model, *file.format);
+// Where joints stand, in radians or metres; 0 where not named.
+using Places = std::map<std::string, double>;
+
+// Of --joint.
+Places places_of(const std::string& file, const Model& model, const std::vector<std::string>& joints) {
   std::vector<std::string> names;
-  for (const Body& b : urdf.model.bodies)
+  for (const Body& b : model.bodies)
     if (b.joint.type != Joint::Type::fixed) names.push_back(b.joint.name);
-  for (const auto& [name, value] : job.joints) {
+  Places places;
+  for (const std::string& joint : joints) {
+    const std::size_t at = std::min(joint.rfind('='), joint.size());
+    const auto value = cli::number_of<double>(std::string_view(joint).substr(std::min(at + 1, joint.size())));
+    if (!value || !std::isfinite(*value))
+      throw cli::UsageError("--joint takes NAME=VALUE, as elbow=1.57, not \"" + joint + '"');
+    const std::string name = joint.substr(0, at);
     if (!std::ranges::count(names, name))
-      throw Error(job.urdf.string() + ": --joint: it has no joint " + name + " that moves; " +
+      throw Error(file + ": --joint: it has no joint " + name + " that moves; " +
                   (names.empty() ? "none does" : "its joints are " + cli::listed(names)));
-    check_place(job.urdf.string() + ": --joint " + name + ": ", urdf.model, name, value);
+    check_place(file + ": --joint " + name + ": ", model, name, *value);
+    places[name] = *value;
   }
+  return places;
 }
 
 // The robot's spheres and meshes as one body, where its joints stand.
-void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
+View view_of(const PaddedRobot& robot, Places& places) {
   std::vector<double> values;
-  for (const Body& b : robot.model.bodies) {
-    const auto it = job.joints.find(b.joint.name);
-    values.push_back(it == job.joints.end() ? 0 : it->second);
-  }
+  for (const Body& b : robot.model.bodies) values.push_back(places[b.joint.name]);
   const auto poses = poses_at(robot.model, values);
   Cluster all;
   Mesh mesh;
@@ -80,17 +87,10 @@ void preview_robot(const RobotJob& job, const PaddedRobot& robot) {
   }
   View view = view_of(all, mesh);
   view.family = std::move(family);
-  write_preview(view, job.preview, job.colour);
+  return view;
 }
 
 }  // namespace
-
-std::vector<OutputFile> in_writing_order(std::vector<OutputFile> files) {
-  std::ranges::stable_partition(files, [](const OutputFile& file) {
-    return !file.format || std::string_view(file.format->name) != "srdf";
-  });
-  return files;
-}
 
 std::filesystem::path link_file(const std::filesystem::path& folder, const std::string& link) {
   std::string file = link;
@@ -98,21 +98,26 @@ std::filesystem::path link_file(const std::filesystem::path& folder, const std::
   return folder / (file + ".spheres.json");
 }
 
-Json run_robot(const RobotJob& job, const RobotProgress& progress) {
-  check_job(job);
-  const PaddedRobot robot = pad_robot(job.urdf, job.options, job.whole, progress);
+Json run_robot(const PadArguments& a, const std::string& file, const PadTarget& target,
+               const RobotProgress& progress) {
+  Urdf urdf = target.robot.get();
+  // What could not be done once the links are padded is refused before.
+  Places places = places_of(file, urdf.model, a.joints);
+  keep_neighbours_apart(urdf);
+  for (const OutputFile& output : target.outputs) check_filters(urdf.model, *output.format);
+  const PaddedRobot robot = pad_robot(file, target.robot.get(), a.options, a.robot, progress);
   std::vector<std::string> warnings;
-  for (const OutputFile& file : in_writing_order(job.outputs))
-    for (auto& sentence : write_model(robot.model, file.path, *file.format, job.exporting))
+  for (const OutputFile& output : target.in_writing_order())
+    for (auto& sentence : write_model(robot.model, output.path, *output.format, {a.density}))
       warnings.push_back(std::move(sentence));
   for (const PadReport& report : robot.reports)
     warnings.insert(warnings.end(), report.warnings.begin(), report.warnings.end());
-  if (!job.preview.empty()) preview_robot(job, robot);
+  if (!target.preview.empty()) write_preview(view_of(robot, places), target.preview, a.colour);
   Json links = Json::array();
   for (std::size_t k = 0; k < robot.model.bodies.size(); k++) {
     const Cluster& c = robot.model.bodies[k].cluster;
     if (c.size() == 0) continue;
-    if (job.clusters) write_cluster(c, link_file(job.outputs[0].path.parent_path(), c.name));
+    if (target.in_folder) write_cluster(c, link_file(target.outputs[0].path.parent_path(), c.name));
     const bool kept = robot.kept[k] != 0;  // nothing was padded, so that there is nothing to measure against
     links.push_back(
         {{"link", c.name},
@@ -128,9 +133,9 @@ Json run_robot(const RobotJob& job, const RobotProgress& progress) {
          {"seconds", robot.reports[k].seconds.total()}});
   }
   Json outputs = Json::array();
-  for (const OutputFile& file : job.outputs) outputs.push_back(file.path.string());
-  return {{"input", cli::StreamFiles::spoken(job.urdf.string())},
-          {"output", job.outputs[0].path.string()},
+  for (const OutputFile& output : target.outputs) outputs.push_back(output.path.string());
+  return {{"input", cli::StreamFiles::spoken(file)},
+          {"output", outputs[0]},
           {"outputs", outputs},
           {"robot", robot.model.name},
           {"spheres", robot.model.spheres()},

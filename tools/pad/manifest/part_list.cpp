@@ -103,7 +103,8 @@ class List {
   std::vector<Part> take() {
     cli::RunFiles files;
     if (!a_.manifest.empty()) files.reads(a_.manifest);
-    for (const Part& part : parts_) note_inputs(part.settings->arguments, part.mesh, files);
+    for (const Part& part : parts_)
+      note_inputs(part.mesh, robot_of(part.mesh, part.settings->arguments), files);
     for (std::size_t k = 0; k < parts_.size(); k++)
       for (const fs::path& output : {fs::path(parts_[k].output), pairs_[k]})
         if (!output.empty())

@@ -48,15 +48,15 @@ std::string pad_part(const Part& part, const fs::path& folder, int threads) {
     const std::string content = sha256_of_file(part.mesh);
     r.key = key_of(part, content);
     r.inputs.push_back({part.mesh, content});
-    for (const fs::path& file : further_inputs(part.mesh, a))
-      r.inputs.push_back({file.string(), sha256_of_file(file)});
     PadTarget target;
-    target.first.path = folder / part.output;
+    target.robot = robot_of(part.mesh, a);
+    for (const fs::path& file : further_inputs(part.mesh, target.robot))
+      r.inputs.push_back({file.string(), sha256_of_file(file)});
     PadArguments named = a;
-    named.outputs = {target.first.path.string()};
-    target.first.format = format_of(named, part.mesh);
+    named.outputs = {(folder / part.output).string()};
+    target.outputs = {{named.output(), format_of(named, part.mesh)}};
     const Json report = pad_one(named, part.mesh, target, {}, [] {});
-    r.sha256 = sha256_of_file(target.first.path);
+    r.sha256 = sha256_of_file(named.output());
     report.at("spheres").get_to(r.spheres), report.at("warnings").get_to(r.warnings);
     if (report.contains("diagonal")) {  // a mesh, not a robot
       const double diagonal = report["diagonal"];

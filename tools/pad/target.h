@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Where what is made of one input goes.
+#pragma once
+#include <algorithm>
+#include <filesystem>
+#include <future>
+#include <string_view>
+#include <vector>
+
+#include "padding/export/export.h"
+#include "padding/input/urdf.h"
+
+namespace padder {
+
+// A file to write, and its format; null is our own.
+struct OutputFile {
+  std::filesystem::path path;
+  const Format* format = nullptr;
+  bool is(std::string_view name) const { return format && name == format->name; }
+};
+
+struct PadTarget {
+  std::vector<OutputFile> outputs;      // one at least
+  bool in_folder = false;               // -o names a folder, not the file
+  std::filesystem::path mesh, preview;  // where --write-mesh and --preview go; empty without these
+  std::shared_future<Urdf> robot;       // robot_of() the input
+
+  // A URDF brings a .srdf of its pairs along, and one that is asked for by name, which has the spheres as
+  // well, must not be lost to it: it comes last.
+  std::vector<OutputFile> in_writing_order() const {
+    std::vector<OutputFile> files = outputs;
+    std::ranges::stable_partition(files, [](const OutputFile& file) { return !file.is("srdf"); });
+    return files;
+  }
+};
+
+}  // namespace padder
