@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "padding/input/packages.h"
 
+#include <charconv>
 #include <cstdlib>
 #include <pugixml.hpp>
 
@@ -54,6 +55,18 @@ void look_below(const fs::path& folder, const std::string& name, std::vector<fs:
 }
 
 }  // namespace
+
+std::string unescaped(std::string_view uri) {
+  std::string name;
+  for (; !uri.empty(); uri.remove_prefix(1)) {
+    unsigned char byte = 0;
+    const bool escape =
+        uri[0] == '%' && uri.size() > 2 && std::from_chars(&uri[1], &uri[1] + 2, byte, 16).ptr == &uri[1] + 2;
+    name += escape ? static_cast<char>(byte) : uri[0];
+    if (escape) uri.remove_prefix(2);
+  }
+  return name;
+}
 
 std::vector<fs::path> places_in_package(const std::string& name, const fs::path& rest, const fs::path& home,
                                         const std::vector<fs::path>& folders) {

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: MIT
-// Where the files of a ROS package are: what package://NAME/rest in a URDF stands for.
+// Where the files are that a URI names: what package://NAME/rest in a URDF stands for.
 #pragma once
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace padder {
+
+// A URI writes what it cannot hold, as a space, as % and two hexadecimal digits.
+std::string unescaped(std::string_view uri);
 
 // The places where package://NAME/rest may be, best first, for a URDF in the folder `home`. They need not
 // exist. A package NAME is looked for in `folders`, in `home` and the folders above it, in those that

@@ -13,7 +13,6 @@
 #include <assimp/IOSystem.hpp>
 #include <assimp/Importer.hpp>
 #include <assimp/LogStream.hpp>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <new>
@@ -25,6 +24,7 @@
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
+#include "padding/input/packages.h"
 #include "padding/input/read_internal.h"
 
 namespace padder::reading {
@@ -181,19 +181,6 @@ void add(const aiMesh& mesh, const Placed& at, double factor, const std::string&
     }
     soup.close_face();
   }
-}
-
-// A URI writes what it cannot hold, as a space, as % and two hexadecimal digits.
-std::string unescaped(std::string_view uri) {
-  std::string name;
-  for (; !uri.empty(); uri.remove_prefix(1)) {
-    unsigned char byte = 0;
-    const bool escape =
-        uri[0] == '%' && uri.size() > 2 && std::from_chars(&uri[1], &uri[1] + 2, byte, 16).ptr == &uri[1] + 2;
-    name += escape ? static_cast<char>(byte) : uri[0];
-    if (escape) uri.remove_prefix(2);
-  }
-  return name;
 }
 
 // The files with the buffers of a glTF, by the paths under which assimp will ask for them.

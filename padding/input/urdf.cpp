@@ -137,25 +137,25 @@ class UrdfReader {
 
   fs::path found(const std::string& reference, const std::string& where) const {
     const fs::path home = fs::absolute(path_).lexically_normal().parent_path();
-    std::vector<fs::path> tried;
     const bool in_package = reference.starts_with("package://") || reference.starts_with("model://");
-    if (reference.starts_with("file://")) {
-      tried.emplace_back(reference.substr(7));
-    } else if (in_package) {
-      const std::string inside = reference.substr(reference.find("://") + 3);
+    const bool uri = in_package || reference.starts_with("file://");
+    const auto places = [&](const std::string& name) -> std::vector<fs::path> {
+      if (!uri) return {home / name};
+      const std::string inside = name.substr(name.find("://") + 3);
+      if (!in_package) return {inside};
       const std::size_t slash = std::min(inside.find('/'), inside.size() - 1);
-      tried = places_in_package(inside.substr(0, slash), inside.substr(slash + 1), home,
-                                options_.package_folders);
-    } else {
-      tried.push_back(home / reference);
-    }
+      return places_in_package(inside.substr(0, slash), inside.substr(slash + 1), home,
+                               options_.package_folders);
+    };
     std::error_code code;
-    for (const fs::path& p : tried)
-      if (fs::is_regular_file(p, code)) return p;
+    for (const std::string& name :
+         {uri ? unescaped(reference) : reference, reference})  // some forget to escape
+      for (const fs::path& p : places(name))
+        if (fs::is_regular_file(p, code)) return p;
     fail(where + ": the mesh " + excerpt(reference, 200) + " is not there: " +
          (in_package ? "neither a folder above the URDF has it, nor one of ROS_PACKAGE_PATH or "
                        "AMENT_PREFIX_PATH; name the folder of its package with --package-path"
-                     : "looked for " + excerpt(tried[0].string(), 500)));
+                     : "looked for " + excerpt(places(reference)[0].string(), 500)));
   }
 
   void add_link(const pugi::xml_node& node, const char* kind, Urdf& urdf) {

@@ -211,6 +211,9 @@ TEST_F(RobotTest, PackagesAreFoundByTheirNames) {
   package("else/gripper-main", "gripper");
   package("ws/robot/urdf/parts-2", "parts");  // beside the URDF, and beside its folder
   package("ws/robot/tools", "tools_description");
+  package("ws/arm%20 2", "a%20 2_description");
+  EXPECT_EQ(found("a%2520%202_description"), "ws/arm%20 2/meshes/tet.obj");
+  EXPECT_EQ(found("a%20 2_description"), "ws/arm%20 2/meshes/tet.obj");  // as it should not be written
   EXPECT_EQ(found("robot_description"), "ws/robot/meshes/tet.obj");
   EXPECT_EQ(found("arm_description"), "ws/arm-1.2/meshes/tet.obj");
   EXPECT_EQ(found("parts"), "ws/robot/urdf/parts-2/meshes/tet.obj");
