@@ -9,6 +9,7 @@
 #include <set>
 
 #include "detect/scene/scene.h"
+#include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
@@ -106,7 +107,7 @@ class Reader {
   SettleScene read(const detect::RungRule& rule) {
     System& s = out_.system;
     s.unit = scene_.unit;
-    s.gravity = r_.has("gravity") ? vector_at(r_.at("gravity")) : Vec3{0, 0, -9.81};
+    s.gravity = r_.has("gravity") ? vector_at(r_.at("gravity")) : Vec3{0, 0, -9.81 / metres(s.unit)};
     take_rungs(rule);
     for (const auto& asset : scene_.assets) add_shape(asset);
     for (std::size_t b = 0; b < scene_.bodies.size(); b++) add(b);
@@ -130,7 +131,7 @@ class Reader {
     const Place m = r_.has("material") ? r_.at("material") : Place(empty, where);
     m.only({"density", "friction", "restitution", "stiffness"});
     law.stiffness = real_at(m, "stiffness", 0, 0, true);
-    add_material("default", m, {"", 2500, 0.5, 0.4});
+    add_material("default", m, {"", 2500 * std::pow(metres(scene_.unit), 3), 0.5, 0.4});
   }
 
   // What a material says, and `otherwise` what it does not.

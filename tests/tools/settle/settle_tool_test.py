@@ -108,6 +108,10 @@ with tempfile.TemporaryDirectory() as folder:
     ball = {"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0.5]], "radii": 0.5}],
             "settle": {"planes": [{"point": [0, 0, 0], "normal": [0, 0, 1]}], "duration": 2}}
     write("ball.json", ball)
+    # Gravity and density that are not given are the same in every unit.
+    write("mm.json", {**ball, "unit": "mm", "spheres": [{"centers": [[0, 0, 500]], "radii": 500}]})
+    metre, milli = report("ball.json"), report("mm.json")
+    assert milli["steps"] == metre["steps"] and abs(milli["energy"]["potential"] / metre["energy"]["potential"] - 1e6) < 10, (metre, milli)
     assert report("ball.json", "--checkpoint", "ball.npz", "-o", "lying.npz")["at_rest"]
     assert report("ball.json", "--resume", "ball.npz", "--steps", 100)["at_rest"]
     write("again.json", {**ball, "spheres": [{"file": "lying_0000.npz"}]})
