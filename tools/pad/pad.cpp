@@ -244,7 +244,8 @@ int main(int argc, char** argv) {
       "triangle at the\n"
       "depth ratio, refits what would stand out, measures the result and writes it as a cluster. A LENGTH is "
       "in the\n"
-      "mesh's own unit, or a share of the diagonal of its bounding box when it ends in %.\n",
+      "mesh's own unit, after --scale and --unit, or a share of the diagonal of its bounding box when it "
+      "ends in %.\n",
       "pad");
   padder::PadArguments arguments;
   padder::cli::StreamFiles files;
