@@ -48,6 +48,18 @@ inline Mesh blob(RandomInput& random, int levels = 4) {
   return mesh;
 }
 
+// Triangles that are not joined, up to `spread` from the origin.
+inline Mesh random_soup(RandomInput& random, int n, double spread, double size) {
+  Mesh mesh;
+  for (int k = 0; k < n; k++) {
+    const Point at = random.point(spread);
+    for (int j = 0; j < 3; j++) mesh.points.push_back(at + random.point(size));
+    const auto v = static_cast<std::uint32_t>(3 * k);
+    mesh.triangles.push_back({v, v + 1, v + 2});
+  }
+  return mesh;
+}
+
 // Each triangle with corners of its own, moved by up to `off`.
 inline Mesh with_corners_off(const Mesh& mesh, double off) {
   RandomInput random(1);

@@ -24,11 +24,7 @@ Sampled sampled_errors(const Surface& surface, const std::vector<Ball>& balls, i
   Sampled errors;
   Random random(9);
   for (int k = 0; k < count; k++) {
-    const std::size_t t = random.below(mesh.triangles.size());
-    double a = random.uniform(), b = random.uniform();
-    if (a + b > 1) a = 1 - a, b = 1 - b;
-    const Point x = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
-                    b * (mesh.corner(t, 2) - mesh.corner(t, 0));
+    const Point x = random_point(random, mesh.corners(random.below(mesh.triangles.size())));
     double gap = std::numeric_limits<double>::infinity();
     for (const Ball& ball : balls) gap = std::min(gap, (x - ball.center).norm() - ball.radius);
     errors.gap = std::max(errors.gap, gap);

@@ -28,11 +28,7 @@ TEST(ThinBalls, KeepsWhatTheBallsCoverWithFewer) {
   for (auto k : kept) thin.push_back(balls[k]);
   const BallSet all(balls), few(thin);
   for (int k = 0; k < 50000; k++) {
-    const std::size_t t = random.below(mesh.triangles.size());
-    double a = random.uniform(), b = random.uniform();
-    if (a + b > 1) a = 1 - a, b = 1 - b;
-    const Point x = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
-                    b * (mesh.corner(t, 2) - mesh.corner(t, 0));
+    const Point x = random_point(random, mesh.corners(random.below(mesh.triangles.size())));
     if (all.gap(x).value < 0.99 * gap) {
       EXPECT_LE(few.gap(x).value, gap * 1.01);
     }

@@ -45,23 +45,12 @@ double brute_force(const Mesh& mesh, const Point& p) {
   return nearest;
 }
 
-Mesh soup(RandomInput& random, int n, double size) {
-  Mesh mesh;
-  for (int k = 0; k < n; k++) {
-    const Point at = random.point();
-    for (int j = 0; j < 3; j++) mesh.points.push_back(at + random.point(size));
-    const auto v = static_cast<std::uint32_t>(3 * k);
-    mesh.triangles.push_back({v, v + 1, v + 2});
-  }
-  return mesh;
-}
-
 TEST(Surface, ClearanceIsThatOfBruteForceWithEachTrianglesStandoff) {
   for (std::uint64_t seed = 1; seed <= 20; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     const int n = seed < 4 ? static_cast<int>(seed) : 300;
-    const Mesh mesh = soup(random, n, seed % 2 ? 0.1 : 0.5);
+    const Mesh mesh = shapes::random_soup(random, n, 1, seed % 2 ? 0.1 : 0.5);
     std::vector<double> standoff;
     for (int k = 0; k < n; k++) standoff.push_back(std::pow(random.uniform(0, 0.7), 1 + double(seed % 4)));
     const Surface surface(mesh, SideBy::winding, standoff);
@@ -138,7 +127,7 @@ TEST(Surface, AgreesWithBruteForceOnSoups) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     const int sizes[] = {1, 2, 3, 5, 17, 60, 200, 400};
-    compare(soup(random, sizes[seed % 8], seed % 3 ? 0.3 : 0.01), random, 60);
+    compare(shapes::random_soup(random, sizes[seed % 8], 1, seed % 3 ? 0.3 : 0.01), random, 60);
   }
 }
 

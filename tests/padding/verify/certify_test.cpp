@@ -7,18 +7,11 @@
 #include <random>
 
 #include "padding/geometry/medial.h"
+#include "padding/geometry/random.h"
 #include "tests/padding/shapes.h"
 
 namespace padder {
 namespace {
-
-Point random_point(const Mesh& mesh, std::size_t t, std::mt19937& random) {
-  std::uniform_real_distribution<double> u(0, 1);
-  double a = u(random), b = u(random);
-  if (a + b > 1) a = 1 - a, b = 1 - b;
-  return mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
-         b * (mesh.corner(t, 2) - mesh.corner(t, 0));
-}
 
 std::vector<Ball> balls_of(const Surface& surface, double dilation) {
   std::vector<Ball> balls;
@@ -77,10 +70,11 @@ TEST(Certify, BoundsHoldAgainstDenseSampling) {
     EXPECT_LE(gap.lower, gap.upper);
     EXPECT_LE(gap.upper, gap.lower * 1.001 + 1e-9);
     std::mt19937 random(5);
+    Random places(5);
     std::normal_distribution<double> gauss;
     double sampled_gap = 0, sampled_protrusion = 0;
     for (int k = 0; k < 200000; k++) {
-      const Point x = random_point(mesh, random() % mesh.triangles.size(), random);
+      const Point x = random_point(places, mesh.corners(places.below(mesh.triangles.size())));
       sampled_gap = std::max(sampled_gap, set.gap(x).value);
       const Ball& ball = balls[random() % balls.size()];
       const Point y =

@@ -14,17 +14,6 @@ namespace {
 
 using shapes::RandomInput, shapes::joined;
 
-Mesh random_soup(RandomInput& random, int n) {
-  Mesh mesh;
-  for (int k = 0; k < n; k++) {
-    const Point at = random.point(0.3);
-    for (int j = 0; j < 3; j++) mesh.points.push_back(at + random.point(0.25));
-    const auto v = static_cast<std::uint32_t>(3 * k);
-    mesh.triangles.push_back({v, v + 1, v + 2});
-  }
-  return mesh;
-}
-
 // The distance of two slabs is `width`, that of their far faces 0.8 + width.
 Mesh slit(double width) {
   return joined(shapes::box({0, 0, 0}, {1, 1, 0.4}, 2),
@@ -50,7 +39,7 @@ TEST(Standoffs, AreUpperBoundsNearTheTruth) {
   for (std::uint64_t seed = 1; seed <= 5; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
-    const Mesh input = random_soup(random, 40), mesh = shapes::blob(random, 2);
+    const Mesh input = shapes::random_soup(random, 40, 0.3, 0.25), mesh = shapes::blob(random, 2);
     const Surface surface(input);
     const double slack = 0.01;
     const std::vector<double> found = standoffs(mesh, surface, slack);
@@ -115,7 +104,8 @@ TEST(Wrapped, ACertifiedCoverKeepsTheToleranceAgainstTheInput) {
   for (std::uint64_t seed = 1; seed <= 6; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
-    Mesh input = seed % 3 == 0 ? slit(random.uniform(0.01, 0.2)) : random_soup(random, 6 + int(seed));
+    Mesh input = seed % 3 == 0 ? slit(random.uniform(0.01, 0.2))
+                               : shapes::random_soup(random, 6 + int(seed), 0.3, 0.25);
     if (seed == 4) input.triangles.push_back({0, 1, 1});  // without area
     const Repaired wrap = wrapped(input, tolerance);
     const Surface plain(input);
@@ -146,7 +136,7 @@ TEST(Wrapped, ACertifiedCoverKeepsTheToleranceAgainstTheInput) {
 
 TEST(Wrapped, SameForAnyNumberOfThreads) {
   RandomInput random(3);
-  const Mesh input = random_soup(random, 30), mesh = shapes::blob(random, 3);
+  const Mesh input = shapes::random_soup(random, 30, 0.3, 0.25), mesh = shapes::blob(random, 3);
   const int threads = omp_get_max_threads();
   omp_set_num_threads(1);
   const auto one = standoffs(mesh, Surface(input), 0.01);

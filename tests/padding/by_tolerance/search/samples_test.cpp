@@ -33,11 +33,7 @@ TEST(Samples, PointsAreAsDenseAsTheThicknessAsks) {
     const PointTree tree(points);
     Random random(1);
     for (int k = 0; k < 2000; k++) {
-      const std::size_t t = random.below(mesh.triangles.size());
-      double a = random.uniform(), b = random.uniform();
-      if (a + b > 1) a = 1 - a, b = 1 - b;
-      const Point x = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
-                      b * (mesh.corner(t, 2) - mesh.corner(t, 0));
+      const Point x = random_point(random, mesh.corners(random.below(mesh.triangles.size())));
       std::vector<std::uint32_t> found;
       tree.find(x, 0.11,
                 found);  // 0.11: larger than the disc of the thickest of these bodies, 0.3, over the density
@@ -128,10 +124,7 @@ TEST(Samples, WallsThatABallReachesShareTheirSamples) {
   EXPECT_LT(points.size(), 8 * points_of(shapes::square(0.5)).size());
   Random random(3);
   for (int k = 0; k < 2000; k++) {
-    const std::size_t t = random.below(walls.triangles.size());
-    const double u = random.uniform(), v = (1 - u) * random.uniform();
-    const Point x = walls.corner(t, 0) + u * (walls.corner(t, 1) - walls.corner(t, 0)) +
-                    v * (walls.corner(t, 2) - walls.corner(t, 0));
+    const Point x = random_point(random, walls.corners(random.below(walls.triangles.size())));
     EXPECT_TRUE(std::any_of(points.begin(), points.end(), [&](const CoverPoint& c) {
       return (c.point - x).norm() <= 1.25 * c.margin;
     })) << x.transpose();
