@@ -214,7 +214,7 @@ bool same_mesh(const Mesh& a, const Mesh& b) { return a.points == b.points && a.
 // same shapes, as the wheels of a base, the first is padded for all.
 class Links {
  public:
-  Links(const fs::path& path, const Urdf& urdf, std::vector<Task> tasks, const RobotProgress& progress)
+  Links(const fs::path& path, const Urdf& urdf, std::vector<Task> tasks, const PadProgress& progress)
       : path_(path), urdf_(urdf), tasks_(std::move(tasks)), progress_(progress) {
     std::stable_sort(tasks_.begin(), tasks_.end(), [](const Task& a, const Task& b) {
       return a.file.mesh.triangles.size() > b.file.mesh.triangles.size();
@@ -287,7 +287,8 @@ class Links {
     const auto tell = [&](const std::string& name) {
       const std::lock_guard lock(mutex);
       try {
-        if (!stopped && progress_) progress_(name, done, tasks_.size());
+        if (!stopped && progress_)
+          progress_(name.c_str(), static_cast<int>(done), static_cast<int>(tasks_.size()));
       } catch (...) {
         stopped = std::current_exception();
       }
@@ -331,13 +332,13 @@ class Links {
   const Urdf& urdf_;
   std::vector<Task> tasks_;
   std::vector<std::size_t> first_;  // for each task the first one with the same mesh
-  const RobotProgress& progress_;
+  const PadProgress& progress_;
 };
 
 }  // namespace
 
 PaddedRobot pad_robot(const fs::path& path, Urdf urdf, const PadOptions& asked, const RobotOptions& whole,
-                      const RobotProgress& progress) {
+                      const PadProgress& progress) {
   PadOptions options = asked;
   if (whole.max_spheres > 0 && (options.by_tolerance() || options.depth_ratio))
     throw Error(
@@ -396,7 +397,7 @@ PaddedRobot pad_robot(const fs::path& path, Urdf urdf, const PadOptions& asked, 
 }
 
 PaddedRobot pad_robot(const fs::path& path, const PadOptions& options, const RobotOptions& whole,
-                      const RobotProgress& progress) {
+                      const PadProgress& progress) {
   return pad_robot(path, read_robot(path, whole.reading), options, whole, progress);
 }
 

@@ -28,10 +28,6 @@ struct RobotOptions {
       10000;  // that are tried for pairs that never or always touch (padding/self_collision.h); 0: none
 };
 
-// Called before each link and while it is padded, with its name, the number of links done and the number of
-// all links. It may throw, which ends the work with what it threw. Never called from two threads at once.
-using RobotProgress = std::function<void(const std::string& link, std::size_t done, std::size_t of)>;
-
 // Returns the shapes of a link as if they had been one mesh file, in the link's frame and in metres. Meshes
 // are scaled, and turned over where the scale mirrors them. glTF is turned from Y up to Z up.
 // Cylinders become polygons whose chords stay within a 400th of the link's diagonal. Throws Error as
@@ -42,11 +38,11 @@ ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf);
 // only spheres keeps them as they are, unmeasured, and several spheres get no mass properties. `options`
 // holds for each link by itself, so a share is one of the link's own diagonal; family and mask in it are not
 // used. Links are padded side by side on all threads, with the same result for any number of them.
-// model.apart lists neighbours, and what self_collisions() finds. Throws Error with link and file in the
-// sentence.
+// model.apart lists neighbours, and what self_collisions() finds. A step of `progress` is a link. Throws
+// Error with link and file in the sentence.
 PaddedRobot pad_robot(const std::filesystem::path& file, Urdf robot, const PadOptions& options,
-                      const RobotOptions& whole = {}, const RobotProgress& progress = {});
+                      const RobotOptions& whole = {}, const PadProgress& progress = {});
 PaddedRobot pad_robot(const std::filesystem::path& file, const PadOptions& options,
-                      const RobotOptions& whole = {}, const RobotProgress& progress = {});  // reads it first
+                      const RobotOptions& whole = {}, const PadProgress& progress = {});  // reads it first
 
 }  // namespace padder

@@ -87,15 +87,6 @@ void make_folder_of(const fs::path& file) {
   if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
 }
 
-Json pad_urdf(const PadArguments& a, const std::string& file, const PadTarget& target,
-              const PadProgress& progress) {
-  if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
-    throw Error(file + ": a URDF is in metres: leave out --scale and --unit");
-  return run_robot(a, file, target, [&](const std::string& link, std::size_t at, std::size_t of) {
-    if (progress) progress(link.c_str(), int(at), int(of));
-  });
-}
-
 }  // namespace
 
 fs::path pairs_file(const std::string& input, const OutputFile& output) {
@@ -158,7 +149,7 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
   make_folder_of(target.outputs[0].path), make_folder_of(target.preview);
   const bool robot = is_robot(file), print = !a.json && !a.quiet;
   if (robot || is_sphere_file(file)) {
-    Json report = robot ? pad_urdf(a, file, target, progress) : run_convert(a, file, target);
+    Json report = robot ? run_robot(a, file, target, progress) : run_convert(a, file, target);
     done();
     if (print) robot ? print_robot(report) : print_convert(report);
     return report;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <thread>
@@ -23,7 +24,6 @@
 #include "tools/pad/manifest/run_parts.h"
 #include "tools/pad/manifest/workers.h"
 #include "tools/pad/one_part.h"
-#include "tools/pad/waiting_threads.h"
 #include "tools/progress_bar.h"
 #include "tools/streams.h"
 
@@ -220,6 +220,16 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   const int code = pad_meshes(a, targets(a, settings_of(app)), files);
   if (code == 0) files.deliver();
   return code;
+}
+
+// Lets threads that wait for the others' work sleep at once, unless OMP_WAIT_POLICY or GOMP_SPINCOUNT says
+// what they should do. By default those of libgomp first look for more work, some milliseconds each time,
+// which other programs cannot use; OMP_WAIT_POLICY=active in the environment shows what that costs. libgomp
+// reads the variable when it is loaded: so this starts the program again, with the variable, and returns
+// where it is set or the program cannot be started.
+void let_waiting_threads_sleep(char** argv) {
+  if (std::getenv("OMP_WAIT_POLICY") || std::getenv("GOMP_SPINCOUNT")) return;
+  if (setenv("OMP_WAIT_POLICY", "passive", 1) == 0) execv("/proc/self/exe", argv);
 }
 
 }  // namespace

@@ -99,7 +99,9 @@ std::filesystem::path link_file(const std::filesystem::path& folder, const std::
 }
 
 Json run_robot(const PadArguments& a, const std::string& file, const PadTarget& target,
-               const RobotProgress& progress) {
+               const PadProgress& progress) {
+  if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
+    throw Error(file + ": a URDF is in metres: leave out --scale and --unit");
   Urdf urdf = target.robot.get();
   // What could not be done once the links are padded is refused before.
   Places places = places_of(file, urdf.model, a.joints);

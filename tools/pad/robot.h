@@ -16,7 +16,7 @@ std::filesystem::path link_file(const std::filesystem::path& folder, const std::
 // Pads, writes, and reports: input, output, spheres, and for each link its spheres, family, mask, errors and
 // seconds. Throws Error.
 nlohmann::ordered_json run_robot(const PadArguments& a, const std::string& file, const PadTarget& target,
-                                 const RobotProgress& progress);
+                                 const PadProgress& progress);
 
 void print_robot(const nlohmann::ordered_json& report);  // for people, on stdout
 

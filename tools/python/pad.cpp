@@ -380,10 +380,7 @@ void add_robot(py::module_& m) {
         whole.reading.package_folders = package_path, whole.reading.visual = visual;
         whole.max_spheres = robot_spheres, whole.poses = poses;
         return interruptible([=](const PadProgress& progress) {
-          return std::make_shared<PaddedRobot>(
-              pad_robot(path, options, whole, [&](const std::string& link, std::size_t done, std::size_t of) {
-                progress(link.c_str(), int(done), int(of));
-              }));
+          return std::make_shared<PaddedRobot>(pad_robot(path, options, whole, progress));
         });
       },
       "path"_a, "depth"_a = py::none(), "tolerance"_a = py::none(), "edge_length"_a = py::none(),
