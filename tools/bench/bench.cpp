@@ -75,6 +75,7 @@ int run(const std::string& name, const Settings& settings) {
     if (name != e.name) continue;
     if (!settings.folder.empty()) std::filesystem::create_directories(settings.folder);
     Json result = e.run(settings);
+    if (result.contains("machine")) write_result(settings, result);  // a measurement
     if (settings.json)
       std::cout << text_of(result) << std::flush;
     else

@@ -519,13 +519,11 @@ Json boxes(const Settings& s) {
                        number(line["seconds_at_0"].get<double>() * 1e3, "%.2f") + " ms + " +
                            number(line["ns_a_contact"], "%.4f") + " ns a contact",
                        "R^2 " + number(line["r2"], "%.4f")});
-  Json result = {{"bench", "boxes"},     {"record", "i, j, normal, depth in float"},
-                 {"machine", machine()}, {"device", device_name()},
-                 {"gpus", gpus()},       {"threads", s.threads},
-                 {"rows", t.rows},       {"lines", lines},
-                 {"table", t.table}};
-  write_result(s, result);
-  return result;
+  return {{"bench", "boxes"},     {"record", "i, j, normal, depth in float"},
+          {"machine", machine()}, {"device", device_name()},
+          {"gpus", gpus()},       {"threads", s.threads},
+          {"rows", t.rows},       {"lines", lines},
+          {"table", t.table}};
 }
 
 }  // namespace padder::bench

@@ -153,10 +153,8 @@ Json frontier(const Settings& s) {
     table.push_back({g["mesh"], g["method"], "count ~ error^-" + number(g["power"].get<double>(), "%.2f"),
                      "ends alone: " + number(g["power_of_ends"].get<double>(), "%.3f"), "", "", "", "", "",
                      "", "", ""});
-  Json result = {
+  return {
       {"bench", "frontier"}, {"machine", machine()}, {"rows", all}, {"growth", growths}, {"table", table}};
-  write_result(s, result);
-  return result;
 }
 
 }  // namespace padder::bench

@@ -164,10 +164,8 @@ Json piles(const Settings& s) {
     for (const detect::BackendKind backend : backends(s))
       for (const Case& c : cases_of(s, part))
         if (backend == detect::BackendKind::cuda || c.bodies <= 1000) t.row(part, c, backend);
-  Json result = {{"bench", "piles"},     {"machine", machine()}, {"device", device_name()},
-                 {"threads", s.threads}, {"rows", t.rows},       {"table", t.table}};
-  write_result(s, result);
-  return result;
+  return {{"bench", "piles"},     {"machine", machine()}, {"device", device_name()},
+          {"threads", s.threads}, {"rows", t.rows},       {"table", t.table}};
 }
 
 }  // namespace padder::bench

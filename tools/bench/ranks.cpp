@@ -267,9 +267,8 @@ Json ranks(const Settings& s) {
     if (s.backend != "omp" && gpus() > 0) measure(n, "on the GPUs", resident_by_ranks, resident_by_threads);
 #endif
   }
-  Json result = {{"bench", "ranks"}, {"machine", machine()}, {"rows", table.rows}, {"table", table.table}};
-  if (session.rank == 0) write_result(s, result);
-  return result;
+  if (session.rank > 0) return {{"table", table.table}};
+  return {{"bench", "ranks"}, {"machine", machine()}, {"rows", table.rows}, {"table", table.table}};
 }
 
 #endif

@@ -147,13 +147,10 @@ void body_rows(const Settings& s, Table& t) {
 }
 
 Json result_of(const Settings& s, const char* name, const Table& t) {
-  Json result = {
-      {"bench", name},        {"record", "i, j, normal, depth in float (points: + both contact points)"},
-      {"machine", machine()}, {"device", device_name()},
-      {"threads", s.threads}, {"rows", t.rows},
-      {"table", t.table}};
-  write_result(s, result);
-  return result;
+  return {{"bench", name},        {"record", "i, j, normal, depth in float (points: + both contact points)"},
+          {"machine", machine()}, {"device", device_name()},
+          {"threads", s.threads}, {"rows", t.rows},
+          {"table", t.table}};
 }
 
 }  // namespace

@@ -313,12 +313,10 @@ Json scenes(const Settings& s) {
       for (const Row& r : rows)
         if (s.scene.empty() || r.scene == &uneven_scenes()[0] || s.scene == r.scene->name)
           t.row(r, n, backend);
-  Json result = {{"bench", "scenes"},    {"record", "i, j, normal, depth in float"},
-                 {"machine", machine()}, {"device", device_name()},
-                 {"threads", s.threads}, {"rows", t.rows},
-                 {"table", t.table}};
-  write_result(s, result);
-  return result;
+  return {{"bench", "scenes"},    {"record", "i, j, normal, depth in float"},
+          {"machine", machine()}, {"device", device_name()},
+          {"threads", s.threads}, {"rows", t.rows},
+          {"table", t.table}};
 }
 
 }  // namespace padder::bench

@@ -127,10 +127,8 @@ Json shapes(const Settings& s) {
                          number(automatic * 1e3, "%.3f"), number(over, "%.2f")});
       }
     }
-  Json result = {{"bench", "shapes"},    {"machine", machine()}, {"device", device_name()},
-                 {"threads", s.threads}, {"rows", rows},         {"table", table}};
-  write_result(s, result);
-  return result;
+  return {{"bench", "shapes"},    {"machine", machine()}, {"device", device_name()},
+          {"threads", s.threads}, {"rows", rows},         {"table", table}};
 }
 
 }  // namespace padder::bench

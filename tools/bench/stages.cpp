@@ -59,11 +59,8 @@ Json stages(const Settings& s) {
                         {"seconds", seconds}});
       }
   }
-  Json result = {{"bench", "stages"},       {"scene", "dense"},     {"machine", machine()},
-                 {"device", device_name()}, {"threads", s.threads}, {"rows", rows},
-                 {"table", table}};
-  write_result(s, result);
-  return result;
+  return {{"bench", "stages"},    {"scene", "dense"}, {"machine", machine()}, {"device", device_name()},
+          {"threads", s.threads}, {"rows", rows},     {"table", table}};
 }
 
 }  // namespace padder::bench

@@ -82,12 +82,9 @@ Json table2(const Settings& s) {
   Json rows = Json::array();
   Json table = Json::array({{"spheres", "record", "backend", "contacts", "double grid", "Bullet", "in both",
                              "distance: mean", "std", "normal: mean", "std", "point: mean", "std"}});
-  // Written after each size: the large ones take long, and what is known should not be lost with them.
-  const auto result = [&] {
-    const Json all = {
+  const auto result = [&]() -> Json {
+    return {
         {"bench", "table2"}, {"scene", "poly045"}, {"machine", machine()}, {"rows", rows}, {"table", table}};
-    write_result(s, all);
-    return all;
   };
   for (const std::uint64_t n : sizes) {
     say(s, std::to_string(n) + " spheres: Bullet");
@@ -134,7 +131,7 @@ Json table2(const Settings& s) {
         table.push_back({std::to_string(n), "float", "the paper", std::to_string(p.contacts), "",
                          std::to_string(p.contacts), "", number(p.distance, "%.2e"), "",
                          number(p.normal, "%.2e"), "", number(p.point, "%.2e"), ""});
-    result();
+    write_result(s, result());  // after each size: the large ones take long
   }
   return result();
 }

@@ -353,11 +353,9 @@ Json shoe(const Settings& s) {
     // How far two runs part that differ by nothing that matters.
     add(paddings.size() - 1, drops_of(paddings.back(), 1e-6 * part.diagonal), "the same, a millionth higher");
   }
-  const Json result = {{"bench", "shoe"},           {"machine", machine()}, {"part", name},
-                       {"grains", grains},          {"beds", kBeds},        {"single_contacts", ways.size()},
-                       {"diagonal", part.diagonal}, {"rows", rows},         {"table", table}};
-  write_result(s, result);
-  return result;
+  return {{"bench", "shoe"},           {"machine", machine()}, {"part", name},
+          {"grains", grains},          {"beds", kBeds},        {"single_contacts", ways.size()},
+          {"diagonal", part.diagonal}, {"rows", rows},         {"table", table}};
 }
 
 }  // namespace padder::bench

@@ -183,11 +183,8 @@ Json precision(const Settings& s) {
     }
   }
   if (rows.empty()) throw Error("no scene of bench precision is called '" + s.scene + "'");
-  Json result = {{"bench", "precision"}, {"machine", machine()}, {"device", device_name()},
-                 {"threads", s.threads}, {"passed", passed},     {"rows", rows},
-                 {"table", table}};
-  write_result(s, result);
-  return result;
+  return {{"bench", "precision"}, {"machine", machine()}, {"device", device_name()}, {"threads", s.threads},
+          {"passed", passed},     {"rows", rows},         {"table", table}};
 }
 
 }  // namespace padder::bench
