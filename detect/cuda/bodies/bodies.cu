@@ -11,16 +11,6 @@
 namespace padder::detect::cuda {
 namespace {
 
-// Do the same numbers of elements have the same sizes? Then the levels and bins of the one serve the other.
-bool same_sizes(const Summary& a, const Summary& b) {
-  bool same = a.count == b.count && a.need_max == b.need_max && a.above == b.above &&
-              a.octaves_known == b.octaves_known && a.radius_max == b.radius_max &&
-              needs_octaves(a) == needs_octaves(b);
-  for (int k = 0; k < kOctaves; k++)
-    same = same && a.octave[k].count == b.octave[k].count && a.octave[k].need_max == b.octave[k].need_max &&
-           a.octave[k].radius_max == b.octave[k].radius_max;
-  return same;
-}
 // Room for a bin around the bounds, so that elements may move before another grid is needed.
 void widen(Summary& s) {
   const auto wider = [](double(&low)[3], double(&high)[3], double by) {
@@ -202,9 +192,9 @@ struct BodySearch::Steps {
       return Trial::differs;
     if (!s.ordinary(call.options)) return Trial::refused;
     if (plan.all_pairs) return Trial::fits;
-    if ((s.found_.broad.flags & kOutside) || s.summary_.octave[kOctaves - 1].count) return Trial::differs;
+    if (s.summary_.octave[kOctaves - 1].count) return Trial::differs;
     if (plan.stable_order) return plan.grid == choose_grid(s.summary_, 0) ? Trial::fits : Trial::differs;
-    if (!same_sizes(planned, s.summary_)) return Trial::differs;
+    if (!covers(plan.grid, s.summary_)) return Trial::differs;
     s.summary_ = planned;
     return Trial::fits;
   }
