@@ -24,4 +24,10 @@ bool bodies_have_worlds(const Input& input) {
   return std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.world != 0; });
 }
 
+bool has_worlds(const Input& input) {
+  if (!input.bodies.empty()) return loose_have_worlds(input) || bodies_have_worlds(input);
+  const Spheres& s = input.spheres;
+  return s.world && std::any_of(s.world, s.world + s.count, [&](std::uint32_t w) { return w != s.world[0]; });
+}
+
 }  // namespace padder::detect

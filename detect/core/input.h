@@ -89,6 +89,7 @@ bool bodies_have_worlds(const Input& input);
 inline bool loose_have_worlds(const Input& input) {
   return input.spheres.count > 0 && (input.spheres.world || input.spheres.world_of_all != 0);
 }
-inline bool has_worlds(const Input& input) { return loose_have_worlds(input) || bodies_have_worlds(input); }
+// The same, of arrays in host memory; loose spheres alone that are all of one world have none.
+bool has_worlds(const Input& input);
 
 }  // namespace padder::detect

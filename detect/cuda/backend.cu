@@ -12,6 +12,7 @@
 #include "detect/cuda/reference/nine_stages.h"
 #include "detect/cuda/tuning.h"
 #include "detect/cuda/worlds/world_search.h"
+#include "detect/cuda/worlds/worlds_apart.h"
 
 namespace padder::detect {
 namespace cuda {
@@ -48,12 +49,13 @@ class Work {
     if (!worlds) worlds_.forget();
     const bool done = first && bodies_.run(call, c);
     if (!first) bodies_.forget();
-    if (worlds)
+    const bool tree = worlds && !worlds_apart_.run(call, c);
+    if (tree)
       worlds_.run(call, c);
-    else if (!done)
+    else if (!worlds && !done)
       search_spheres(call, c);
     // The search of spheres has matched its list itself.
-    if (options.history && (worlds || done || options.path != Path::grid)) match(call, c);
+    if (options.history && (tree || done || options.path != Path::grid)) match(call, c);
     const std::uint32_t* const history = options.history ? history_.end(c.count) : nullptr;
     {
       const ProfileRange delivery("padder: deliver the contacts");
@@ -100,7 +102,7 @@ class Work {
     cudaGetLastError();
     running_ = false;
     bodies_.forget(), spheres_.forget(), decided_ = 0;
-    worlds_.forget();
+    worlds_.forget(), worlds_apart_.forget();
     last_count_ = 0;
   }
 
@@ -238,6 +240,7 @@ class Work {
   SphereSearch spheres_{book_};
   BodySearch bodies_{book_};
   WorldSearch worlds_{book_};
+  WorldsApart worlds_apart_{book_};
   // What Bodies::automatic meant in the last call. In any order, further calls of the revision `decided_`
   // keep to it; 0: no revision does.
   bool automatic_first_ = false;

@@ -10,7 +10,8 @@
 #include "detect/omp/bodies.h"
 #include "detect/omp/history.h"
 #include "detect/omp/threads.h"
-#include "detect/omp/worlds.h"
+#include "detect/omp/worlds/world_search.h"
+#include "detect/omp/worlds/worlds_apart.h"
 #include "padding/asset/error.h"
 
 namespace padder::detect {
@@ -281,7 +282,13 @@ class OmpBackend final : public Backend {
       choose_threads(options, n);
       kept_->bodies.forget();
       Contacts c;
-      kept_->worlds.run(input, options, threads_, kept_->records, c.seconds);
+      const auto apart = [&](const auto& v) {
+        return kept_->worlds_apart.run(v, options, threads_, kept_->records, c);
+      };
+      const bool done =
+          input.bodies.empty() && (input.spheres.scalar == Scalar::f32 ? apart(view<float>(input.spheres))
+                                                                       : apart(view<double>(input.spheres)));
+      if (!done) kept_->worlds.run(input, options, threads_, kept_->records, c.seconds);
       return delivered(c, n, options);
     }
     const bool first =
@@ -397,6 +404,7 @@ class OmpBackend final : public Backend {
           grid_path(b),
           bodies(b),
           worlds(b),
+          worlds_apart(b),
           placed(b),
           family(b),
           mask(b),
@@ -407,6 +415,7 @@ class OmpBackend final : public Backend {
     omp::GridPath grid_path;
     omp::BodySearch bodies;
     omp::WorldSearch worlds;
+    omp::WorldsApart worlds_apart;
     omp::Buffer<Sphere> placed;
     omp::Buffer<std::uint32_t> family, mask, owner, world;
   };

@@ -145,6 +145,52 @@ TEST(Worlds, LooseSpheresInManyWorldsAndInOneAreFound) {
   }
 }
 
+// Loose spheres alone, at one place or far from the origin, of equal and unequal radii; numbers of worlds
+// that have gaps, or that leave most numbers out. One detector sees all of it, and spheres that move.
+TEST(Worlds, LooseSpheresOfWorldsAtOnePlace) {
+  for (const BackendKind backend : backends()) {
+    CallOptions o;
+    Detector detector({backend, 0}, o);
+    SomeCases some;
+    std::mt19937_64 random(9);
+    for (const std::uint32_t worlds : {1u, 2u, 37u, 700u, 1u << 20})
+      for (const double ratio : {1.0, 3.0, 200.0})
+        for (const double far : {0.0, 1e5}) {
+          if (some.left_out()) continue;
+          TestScene scene = random_scene(1400, ratio, 1 + static_cast<double>(random() % 5), random());
+          std::vector<std::uint32_t> world;
+          for (Sphere& s : scene.spheres) {
+            s.x += far, s.y -= 3 * far;
+            world.push_back(static_cast<std::uint32_t>(7 + random() % worlds * (random() % 2 ? 1 : 2)));
+          }
+          for (int call = 0; call < 4; call++) {
+            SCOPED_TRACE(std::to_string(worlds) + " worlds, ratio " + std::to_string(ratio) + " at " +
+                         std::to_string(far) + " call " + std::to_string(call));
+            for (Sphere& s : scene.spheres) s.z += call * 0.3 * s.r;
+            if (call == 3) scene.spheres[5].z += 40;
+            const Scalar scalar = call == 2 ? Scalar::f64 : Scalar::f32;
+            if (scalar == Scalar::f32) scene = scene.rounded();
+            Arranged arranged(scene, scalar);
+            if (call != 1) arranged.input.spheres.family = arranged.input.spheres.mask = nullptr;
+            arranged.input.spheres.world = world.data();
+            o.margin = call == 3 ? 0.2 : 0, o.order = call % 2 ? Order::any : Order::stable;
+            o.scalar = call == 2 ? Scalar::f64 : Scalar::f32;
+            detector.options() = o;
+            const Contacts& c = detector.detect(arranged.input);
+            ASSERT_EQ(sorted(c.pair_span()), oracle(arranged.input, o));
+            const std::vector<Seen> all = seen(arranged.input);
+            for (std::uint64_t k = 0; k < c.count && call == 2; k++)
+              ASSERT_EQ(c.normal_span<double>()[k].depth,
+                        geometry(all[c.pairs[k].i].sphere, all[c.pairs[k].j].sphere).depth);
+            if (o.order != Order::stable) continue;
+            Detector fresh({backend, 0}, o);
+            const Contacts& f = fresh.detect(arranged.input);
+            EXPECT_TRUE(std::equal(c.pairs, c.pairs + c.count, f.pair_span().begin(), f.pair_span().end()));
+          }
+        }
+  }
+}
+
 TEST(Worlds, AMarginAloneNeedsNoWorld) {
   for (const BackendKind backend : backends())
     for (const double margin : {0.0, 1e-9, 0.25, 3.0}) {

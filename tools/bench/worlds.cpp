@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Many worlds in one call, as reinforcement learning and motion planning have them: pairs of bodies in 8,192
 // worlds, and 100,000 configurations of a robot arm against obstacles that are given once. Beside them, one
-// configuration after another: Bullet and FCL on the CPU.
+// configuration after another: Bullet and FCL on the CPU. And loose spheres of many worlds at one place,
+// beside as many without worlds.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -184,6 +185,34 @@ class Table {
     }
   }
 
+  // Loose spheres, as dense as those of `bench scaling`: of many worlds at one place, or as many of one.
+  void loose_row(std::uint32_t worlds, std::uint32_t each, detect::BackendKind backend) {
+    const bool cuda = backend == detect::BackendKind::cuda;
+    std::vector<detect::FloatSphere> spheres(std::size_t(worlds) * each);
+    std::vector<std::uint32_t> world(spheres.size());
+    const double edge = std::cbrt(11.5 * each);
+    detect::SplitMix64 random(12345 + each);
+    const auto at = [&] { return static_cast<float>(edge * random.unit()); };
+    for (std::size_t k = 0; k < spheres.size(); k++)
+      spheres[k] = {at(), at(), at(), 1}, world[k] = static_cast<std::uint32_t>(k % worlds);
+    const DeviceSpheres on_device(spheres, cuda);
+    detect::Input input = on_device.input();
+    DeviceArray worlds_on_device;
+    if (worlds > 1) {
+      const void* copy =
+          cuda ? worlds_on_device.copy(world.data(), world.size() * sizeof world[0], "the worlds")
+               : world.data();
+      input.spheres.world = static_cast<const std::uint32_t*>(copy);
+    }
+    detect::CallOptions o;
+    o.threads = settings_.threads, o.output = cuda ? detect::Memory::device : detect::Memory::host;
+    detect::Detector d({backend}, o);
+    for (int k = 0; k < 3; k++) detect_watched(d, input);
+    const double t =
+        median_seconds(std::max(settings_.repeat, cuda ? 21 : 5), [&] { detect_watched(d, input); });
+    add("loose spheres", each, "list", worlds, detect_watched(d, input).count, cuda ? "cuda" : "omp", t);
+  }
+
   Json rows = Json::array();
   Json table = Json::array(
       {{"scene", "answer", "worlds", "spheres in each", "found", "by", "call [ms]", "us a world"}});
@@ -239,17 +268,21 @@ class Table {
   void add(const WorldScene& scene, const char* answer, std::uint64_t found, const char* by, double seconds) {
     std::size_t spheres = 0;
     for (std::uint32_t k = 0; k < scene.each; k++) spheres += scene.spheres[scene.bodies[k].shape].size();
-    const double each = seconds / scene.worlds;
-    rows.push_back({{"scene", scene.name},
+    add(scene.name, spheres, answer, scene.worlds, found, by, seconds);
+  }
+  void add(const std::string& scene, std::size_t spheres, const char* answer, std::uint32_t worlds,
+           std::uint64_t found, const char* by, double seconds) {
+    const double each = seconds / worlds;
+    rows.push_back({{"scene", scene},
                     {"answer", answer},
-                    {"worlds", scene.worlds},
+                    {"worlds", worlds},
                     {"spheres", spheres},
                     {"found", found},
                     {"by", by},
                     {"seconds", seconds},
                     {"seconds_each", each}});
-    table.push_back({scene.name, answer, std::to_string(scene.worlds), std::to_string(spheres),
-                     std::to_string(found), by, number(seconds * 1e3, "%.3f"), number(each * 1e6, "%.4f")});
+    table.push_back({scene, answer, std::to_string(worlds), std::to_string(spheres), std::to_string(found),
+                     by, number(seconds * 1e3, "%.3f"), number(each * 1e6, "%.4f")});
   }
   const Settings& settings_;
 };
@@ -263,6 +296,9 @@ Json worlds(const Settings& s) {
   };
   t.rows_of(pairs_of_bodies(count(8192)), true);
   t.rows_of(arm(s, count(100000)), false);
+  for (const detect::BackendKind backend : backends(s))
+    for (const std::uint32_t of_world : {100u, 10000u, 1000000u})
+      t.loose_row(1000000 / of_world, of_world, backend);
   return {{"bench", "worlds"},    {"machine", machine()}, {"device", device_name()},
           {"threads", s.threads}, {"rows", t.rows},       {"table", t.table}};
 }

@@ -35,11 +35,11 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   return s;
 }
 
-// Input in double is searched as float where that leaves float sure of most pairs (exact_test.h).
+// Input in double is searched as float where that leaves float sure of most pairs, and worlds are searched
+// side by side (exact_test.h).
 bool may_round(const DeviceSpheres& source, const Summary& s, double margin) {
-  const double smallest = s.radius_min + margin / 2;
-  return source.wide && source.placed == 0 && float_range(s.extent, s.radius_max + margin / 2) &&
-         smallest > 0x1p-40 && extent_of(s) <= kMostRounded * smallest;
+  return (source.wide || source.worlds_apart) && source.placed == 0 &&
+         SphereSearch::serves_rounded(s, margin);
 }
 
 // What the next call may count, if the spheres go on as they did. The quota of a stable order follows from
@@ -73,6 +73,12 @@ void check(const DeviceSpheres& source, const Summary& s, const Call& call) {
 
 }  // namespace
 
+bool SphereSearch::serves_rounded(const Summary& s, double margin) {
+  const double smallest = s.radius_min + margin / 2;
+  return float_range(s.extent, s.radius_max + margin / 2) && smallest > 0x1p-40 &&
+         extent_of(s) <= kMostRounded * smallest;
+}
+
 Summary SphereSearch::survey(const DeviceSpheres& source, const Call& call) {
   const ProfileRange range("padder: survey");
   const Summary s = tools_.surveyor.survey(source, call.processors, call.stream);
@@ -100,17 +106,21 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
   return good;
 }
 
-// Also finds summary_ of the floats that are searched in the place of doubles.
+// Also finds summary_ of the floats that are searched in the place of what is given.
 void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& call) {
-  summary_ = survey(source, call), rounded_ = false;
-  if (may_round(source, summary_, call.options.margin)) {
-    DeviceSpheres floats = source;
-    floats.rounded = true;
-    const Summary of_floats = tools_.surveyor.survey(floats, call.processors, call.stream);
-    if (may_round(source, of_floats, call.options.margin)) summary_ = of_floats, rounded_ = true;
-  }
   DeviceSpheres searched = source;
-  searched.rounded = rounded_;
+  searched.rounded = source.worlds_apart;
+  if (!searched.rounded) {
+    summary_ = survey(source, call);
+    searched.rounded = may_round(source, summary_, call.options.margin);
+  }
+  if (searched.rounded) {
+    const Summary of_floats = tools_.surveyor.survey(searched, call.processors, call.stream);
+    searched.rounded = may_round(source, of_floats, call.options.margin);
+    if (searched.rounded) summary_ = of_floats;
+    if (source.worlds_apart && !searched.rounded) throw Error(kChanged);
+  }
+  rounded_ = searched.rounded;
   summary_.near = tools_.surveyor.neighbourhood(searched, summary_, call.stream);
   set_growth(call.options);
 }

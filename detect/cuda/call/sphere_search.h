@@ -13,6 +13,8 @@ class SphereSearch {
   // The contacts of `source`, at least one sphere, into call.list; their number and how many were doubtful to
   // `contacts`. Throws Error.
   void run(const DeviceSpheres& source, const Call& call, Contacts& contacts);
+  // May such spheres, of which extent and radii are asked, be searched as float whatever they are given as?
+  static bool serves_rounded(const Summary& s, double margin);
   // The bounds of the spheres. Waits for the device; throws Error at a faulty sphere.
   Summary survey(const DeviceSpheres& source, const Call& call);
   // The next call does not rely on what this one found.

@@ -4,6 +4,7 @@
 #pragma once
 #include "detect/body.h"
 #include "detect/core/grid.h"
+#include "detect/core/side_by_side.h"
 #include "detect/filter.h"
 
 namespace padder::detect::cuda {
@@ -44,6 +45,9 @@ struct DeviceSpheres {
   // Doubles count as rounded to float. A radius below zero becomes no number, since it might round to zero.
   bool rounded = false;
   bool filtered = false;
+  // Of many worlds: spheres that count as rounded lie side by side.
+  bool worlds_apart = false;
+  SideBySide side_by_side;
   friend bool operator==(const DeviceSpheres&, const DeviceSpheres&) = default;
 
   __device__ __forceinline__ Sphere sphere(std::uint32_t k) const {
@@ -63,15 +67,15 @@ struct DeviceSpheres {
       const auto* const p =
           static_cast<const double2*>(here ? centers : around.spheres) + 2 * std::uint64_t(at);
       const double2 xy = __ldg(p), zr = __ldg(p + 1);
-      return seen({xy.x, xy.y, zr.x, zr.y});
+      return seen({xy.x, xy.y, zr.x, zr.y}, k);
     }
     const std::uint64_t c = std::uint64_t(at) * center_stride, r = std::uint64_t(at) * radius_stride;
     if (wide) {
       const auto* p = static_cast<const double*>(centers) + c;
-      return seen({p[0], p[1], p[2], static_cast<const double*>(radii)[r]});
+      return seen({p[0], p[1], p[2], static_cast<const double*>(radii)[r]}, k);
     }
     const auto* p = static_cast<const float*>(centers) + c;
-    return {p[0], p[1], p[2], static_cast<const float*>(radii)[r]};
+    return seen({p[0], p[1], p[2], static_cast<const float*>(radii)[r]}, k);
   }
   // Of loose sphere k.
   __device__ __forceinline__ bool is_own(std::uint32_t k) const { return k - before < own; }
@@ -91,8 +95,9 @@ struct DeviceSpheres {
     const bool run = packed && !wide && placed == 0 && first >= before && first - before + count <= own;
     return run ? static_cast<const float4*>(centers) + (first - before) : nullptr;
   }
-  __device__ __forceinline__ Sphere seen(const Sphere& s) const {
+  __device__ __forceinline__ Sphere seen(Sphere s, std::uint32_t loose) const {
     if (!rounded) return s;
+    if (worlds_apart) s = side_by_side.moved(s, world[loose]);
     return {static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
             s.r < 0 ? NAN : static_cast<float>(s.r)};
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "detect/omp/worlds.h"
+#include "detect/omp/worlds/world_search.h"
 
 #include <algorithm>
 #include <atomic>
