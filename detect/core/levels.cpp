@@ -216,12 +216,15 @@ bool is_sparse(const Summary::Octave& o, std::uint64_t count) {
   for (int c = 0; c < 3; c++) bins *= bins_along(o, c, o.need_max);
   return bins > 8 * static_cast<double>(count);
 }
-// Leaves of the octave's bounds what lies within those of another, if that is anything.
+// Leaves of the octave's bounds what lies within those of another, if that is anything, and if the spheres
+// would not be more crowded there than those of the other are: then they lie around these.
 void clip(Summary::Octave& o, const Summary::Octave& to) {
-  for (int c = 0; c < 3; c++)
+  Summary::Octave within = o;
+  for (int c = 0; c < 3; c++) {
     if (o.high[c] < to.low[c] || o.low[c] > to.high[c]) return;
-  for (int c = 0; c < 3; c++)
-    o.low[c] = std::max(o.low[c], to.low[c]), o.high[c] = std::min(o.high[c], to.high[c]);
+    within.low[c] = std::max(o.low[c], to.low[c]), within.high[c] = std::min(o.high[c], to.high[c]);
+  }
+  if (density_of(within, o.need_max) <= density_of(to, to.need_max)) o = within;
 }
 // Cuts the longest sides of the octave's bounds, so that its spheres have no more room than a cube of this
 // edge, and puts them about the origin.

@@ -403,19 +403,25 @@ TEST(Grid, RadiiThatGrowOutwardsHaveLevelsOfTheirOwn) {
   std::mt19937_64 random(26);
   std::uniform_real_distribution<double> unit(0, 1);
   std::normal_distribution<double> normal;
-  std::vector<Sphere> spheres;
-  while (spheres.size() < 20'000) {
-    const double r = std::pow(100, unit(random)), x = normal(random), y = normal(random), z = normal(random),
-                 far = 0.6 * r * std::cbrt(20'000) / std::hypot(x, y, z);
-    spheres.push_back({x * far, y * far, z * far, r});
-  }
-  for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
-    const Grid g = choose_grid(summary_of(spheres), 0, 8, cross_search);
-    const std::vector<double> met = met_in_bins(g, spheres);
-    for (int k = 0; k < g.levels; k++)
-      EXPECT_LT(met[static_cast<std::size_t>(k)] / static_cast<double>(g.level[k].spheres), 10)
-          << "spheres in the bin of a sphere of level " << k << " of " << g.levels;
-  }
+  for (const double ratio : {1e2, 3e3, 1e6})
+    for (const double radii_away : {16, 50}) {
+      std::vector<Sphere> spheres;
+      while (spheres.size() < 20'000) {
+        const double r = std::pow(ratio, unit(random)), x = normal(random), y = normal(random),
+                     z = normal(random), far = radii_away * r / std::hypot(x, y, z);
+        spheres.push_back({x * far, y * far, z * far, r});
+      }
+      Summary s = summary_of(spheres);
+      s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
+      for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+        const Grid g = choose_grid(s, 0, 8, cross_search);
+        const std::vector<double> met = met_in_bins(g, spheres);
+        for (int k = 0; k < g.levels; k++)
+          EXPECT_LT(met[static_cast<std::size_t>(k)] / static_cast<double>(g.level[k].spheres), 10)
+              << "spheres in the bin of a sphere of level " << k << " of " << g.levels << ", ratio " << ratio
+              << ", " << radii_away << " radii away";
+      }
+    }
 }
 
 // Spheres of any size that are far away do not make others look as if nothing were near them.
