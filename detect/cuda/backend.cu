@@ -166,7 +166,11 @@ class Work {
       }
     }
     bodies_.pieces().update(input.shapes);
-    return bodies_first(seen, options.margin, sphere_count(input), costs, bodies_.pieces());
+    // Without a revision the table of what is static would be made in each call, which takes far longer.
+    const bool keeps_table = options.order == Order::any && input.revision != 0;
+    const std::uint64_t moving =
+        keeps_table ? moving_loose(input, static_cast<cudaStream_t>(options.stream)) : loose_count(input);
+    return bodies_first(seen, options.margin, sphere_count(input), moving, costs, bodies_.pieces());
   }
   // Asks where arrays lie that were not there in the previous call.
   void check_memory(const Input& input) {

@@ -82,22 +82,22 @@ double touching_balls(const Input& input, double margin, const Pieces& pieces) {
   return pairs;
 }
 
-bool bodies_first(const Input& input, double margin, std::uint64_t spheres, const BodyCosts& costs,
-                  const Pieces& pieces) {
-  // Expanded, two static spheres would be a contact.
-  if (marks_static(input)) return true;
-  if (input.bodies.empty()) return false;
+bool bodies_first(const Input& input, double margin, std::uint64_t spheres, std::uint64_t moving_loose,
+                  const BodyCosts& costs, const Pieces& pieces) {
   std::uint64_t balls = 0;
   for (const Body& b : input.bodies) {
-    if (b.is_static) return true;
+    if (b.is_static) return true;  // expanded, it would be placed in each call
     balls += pieces.shape_first[b.shape + 1] - pieces.shape_first[b.shape];
   }
-  const auto loose = static_cast<double>(loose_count(input)),
-             of_bodies = static_cast<double>(spheres) - loose;
+  const bool some_static = moving_loose < loose_count(input);
   // A loose sphere costs as much again, because it is brought into the balls' order as well.
-  const double left = of_bodies - costs.call - costs.body * static_cast<double>(input.bodies.size()) -
-                      costs.ball * static_cast<double>(balls) - loose;
-  if (left <= 0 || costs.pair == 0) return left > 0;
+  double left = static_cast<double>(spheres) - costs.call -
+                costs.body * static_cast<double>(input.bodies.size()) -
+                costs.ball * static_cast<double>(balls) - 2 * static_cast<double>(moving_loose);
+  if (some_static)
+    left -= costs.static_call +
+            costs.static_each * (static_cast<double>(balls) + static_cast<double>(moving_loose));
+  if (left <= 0 || costs.pair == 0 || balls == 0) return left > 0;
   return costs.pair * touching_balls(input, margin, pieces) < left;
 }
 

@@ -68,7 +68,8 @@ __global__ void record_kernel(const LooseRecord* from, std::uint32_t count, Sphe
   }
 }
 
-// Which loose spheres are static.
+}  // namespace
+
 std::vector<std::uint8_t> marks_on_device(const Input& input, cudaStream_t stream) {
   std::vector<std::uint8_t> marks(loose_count(input));
   const auto read = [&](std::uint64_t to, const std::uint8_t* from, std::uint64_t count) {
@@ -88,7 +89,14 @@ std::vector<std::uint8_t> marks_on_device(const Input& input, cudaStream_t strea
   return marks;
 }
 
-}  // namespace
+std::uint64_t moving_loose(const Input& input, cudaStream_t stream) {
+  if (!marks_static(input)) return loose_count(input);
+  if (input.spheres.memory == Memory::host && !input.around)
+    return static_cast<std::uint64_t>(
+        std::count(input.spheres.is_static, input.spheres.is_static + input.spheres.count, 0));
+  const std::vector<std::uint8_t> marks = marks_on_device(input, stream);
+  return static_cast<std::uint64_t>(std::count(marks.begin(), marks.end(), 0));
+}
 
 BodyInput::BodyInput(MemoryBook& book)
     : copy_(book),

@@ -15,6 +15,11 @@ namespace padder::detect::cuda {
 
 struct Call;
 
+// Which loose spheres, whose marks lie on the device, are static; and how many are not, wherever their marks
+// lie. Both wait for the device.
+std::vector<std::uint8_t> marks_on_device(const Input& input, cudaStream_t stream);
+std::uint64_t moving_loose(const Input& input, cudaStream_t stream);
+
 // A loose sphere on its way to the device, where only those that move are sent.
 struct LooseRecord {
   Sphere sphere;

@@ -107,7 +107,7 @@ void ResidentDetector::Work::check_bodies(const Input& bodies) {
   BodyCosts costs = cuda::tuning::kKnownBodies;
   costs.pair = 0;  // the poses may be given in parts
   pieces_.update(bodies.shapes);
-  bodies_first_ = bodies_first(bodies, 0, body_spheres_, costs, pieces_);
+  bodies_first_ = bodies_first(bodies, 0, body_spheres_, 0, costs, pieces_);
 }
 
 // What has to be the same on all GPUs, and where each part begins in the scene.

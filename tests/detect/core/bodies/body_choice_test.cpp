@@ -58,7 +58,9 @@ struct Strewn {
     pieces.update(in.shapes);
     std::uint64_t spheres = in.spheres.count;
     for (const Body& b : in.bodies) spheres += in.shapes[b.shape].count;
-    return bodies_first(in, 0, spheres, costs, pieces);
+    const auto moving =
+        in.spheres.count - static_cast<std::uint64_t>(std::count(marks.begin(), marks.end(), 1));
+    return bodies_first(in, 0, spheres, moving, costs, pieces);
   }
   // All pairs of balls, but for two of one body and two loose ones.
   double pairs(double margin) {
@@ -97,7 +99,15 @@ TEST(BodyChoice, WhatHasNoOtherWayAndWhatIsCheaper) {
   EXPECT_TRUE(s.first({.ball = 1000})) << "static bodies have no other way";
   s.bodies[0].is_static = false;
   s.marks.assign(1000, 0);
-  EXPECT_TRUE(s.first({.ball = 1000})) << "static spheres have no other way";
+  EXPECT_FALSE(s.first({.ball = 3})) << "none is static";
+  s.marks.assign(1000, 1);  // in a table that is kept: eight balls are left
+  EXPECT_TRUE(s.first({.ball = 3, .static_each = 100}));
+  EXPECT_FALSE(s.first({.ball = 3, .static_each = 200}));
+  EXPECT_FALSE(s.first({.ball = 3, .static_call = 1500}));
+  s.bodies.clear();
+  EXPECT_TRUE(s.first({.ball = 3})) << "nothing moves";
+  s.marks.assign(1000, 0);
+  EXPECT_FALSE(s.first({.ball = 3}));
 }
 
 TEST(BodyChoice, BallsThatTouchDecide) {
