@@ -106,7 +106,10 @@ struct CenterBox {
 class LowerBound {
  public:
   LowerBound(const Surface& surface, const LowerBoundOptions& options)
-      : surface_(surface), options_(options), tolerance_sum_(options.protrusion + options.gap) {}
+      : surface_(surface),
+        options_(options),
+        tolerance_sum_(options.protrusion + options.gap),
+        farthest_(tolerance_sum_ + surface.half_thickness()) {}
 
   std::uint64_t run() {
     if (!(tolerance_sum_ > 0)) throw Error("a lower bound needs a tolerance above 0");
@@ -156,13 +159,14 @@ class LowerBound {
     return surface_.nearest(box.center).point;
   }
 
-  // May a ball with its centre c in the box cover x? Its reach is at most the tolerance sum and the distance
-  // of c to any point q of the surface. So f(c) = |x - c| - |q - c| must be at most the tolerance sum. Over
+  // May a ball with its centre c in the box cover x? Its reach is at most the tolerance sum, the distance
+  // of c to any point q of the surface, and half of the thickness that a sheet has: in a sheet of thickness 0
+  // and in a solid, c is no deeper than q is far. So f(c) = |x - c| - |q - c| must be at most that sum. Over
   // the box, f falls by no more than its gradient in the middle says, but for a second-order term: a unit
   // vector towards a point at a distance of at least a - t turns by at most 2 t / (2 a - t) when its foot is
   // moved by t.
   bool may_cover(const CenterBox& box, const Point& x) const {
-    const double radius = std::sqrt(3.0) * box.half, limit = tolerance_sum_ * (1 + kRounding);
+    const double radius = std::sqrt(3.0) * box.half, limit = farthest_ * (1 + kRounding);
     const Vector to_x = x - box.center;
     const double a = to_x.norm();
     for (std::size_t k = 0; k < box.witnesses; k++) {
@@ -208,7 +212,7 @@ class LowerBound {
     const bool witnessed = !surface_.hull();
     boxes_.clear();
     CenterBox& root = boxes_.emplace_back();
-    root.center = around.center(), root.half = 0.5 * (around.high - around.low).maxCoeff() + tolerance_sum_;
+    root.center = around.center(), root.half = 0.5 * (around.high - around.low).maxCoeff() + farthest_;
     root.most = std::accumulate(packing_.weights.begin(), packing_.weights.end(), 0.0);
     settled_.clear();
     for (std::size_t looked = 1; looked < most_boxes && !boxes_.empty();) {
@@ -287,8 +291,9 @@ class LowerBound {
   const Surface& surface_;
   const LowerBoundOptions& options_;
   const double tolerance_sum_;
-  PointTree tree_;  // of the points with weights
-  Sets rows_;       // points that one ball may cover, for many balls
+  const double farthest_;  // no centre is farther from what its ball covers, but for its depth in a solid
+  PointTree tree_;         // of the points with weights
+  Sets rows_;              // points that one ball may cover, for many balls
   Packing packing_;
   std::vector<CenterBox> boxes_, settled_;
 };

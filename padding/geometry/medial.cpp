@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "padding/geometry/medial.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace padder {
@@ -22,7 +23,13 @@ Touching ball_below(const Surface& surface, const Point& p, const Vector& normal
   // outside a thin body, where queries cost most.
   double r = std::min(largest, guess > 0 ? guess : std::max(32 * tolerance, largest / 64));
   // Beside a sheet there is no room inside; the ball sits on it.
-  const auto on_sheet = [&] { return Touching{{p, surface.half_thickness(surface.nearest(p).triangle)}, p}; };
+  const auto on_sheet = [&] {
+    return Touching{{p, std::min(largest, surface.half_thickness(surface.nearest(p).triangle))}, p};
+  };
+  // A point in a thick sheet is outside, too: a ball grown there would be smaller than the one on the sheet.
+  const auto outside = [&](const Nearest& at) {
+    return !at.inside && at.distance > -surface.half_thickness(at.triangle);
+  };
   // Without a hull, one query finds what the ball holds, and what it touches if it holds nothing: p is not
   // farther than its radius.
   const bool both = !surface.hull();
@@ -40,7 +47,7 @@ Touching ball_below(const Surface& surface, const Point& p, const Vector& normal
       if (!growing) break;
       // A wall that is thinner than the tolerance is not seen: the ball would grow through all of a hollow
       // behind it. No larger ball has its centre on another side, because it holds this one.
-      if (!inside && signed_nearest(c, touched).distance > 0) return on_sheet();
+      if (!inside && outside(signed_nearest(c, touched))) return on_sheet();
       inside = true;
       r = std::min(largest, 2 * r), growing = r < largest;
       continue;
@@ -56,8 +63,8 @@ Touching ball_below(const Surface& surface, const Point& p, const Vector& normal
   if (r < least) return {{p, 0}, p};
   const Point c = p - r * normal;
   const Nearest at = signed_nearest(c, touched);
-  if (at.distance > 0) return on_sheet();
-  const double radius = -at.distance;
+  if (outside(at)) return on_sheet();
+  const double radius = at.inside ? -at.distance : 0;
   if (!(r <= radius + tolerance)) return {{p, 0}, p};
   return {{c, radius}, at.point};
 }
@@ -90,7 +97,7 @@ Ball ball_below_roughness(const Surface& surface, const Point& p, const Vector& 
 
 Ball inner_medial_ball(const Surface& surface, const Point& p, const Vector& normal, double largest,
                        double tolerance, double guess, const Ball& inner) {
-  if (!surface.has_inside()) return {p, surface.half_thickness(0)};
+  if (!surface.has_inside()) return {p, std::min(largest, surface.half_thickness(0))};
   const Ball ball = ball_below_roughness(surface, p, normal, largest, tolerance, guess, inner);
   if (!surface.hull()) return ball;
   // Triangles in a hull may be turned at random.

@@ -19,6 +19,7 @@ namespace padder {
 // * the radius is the distance of the centre to the surface, so the ball dilated by h stands out of the body
 //   by at most h;
 // * |p - center| <= radius + 2 tolerance. Where no such ball was found the answer is {p, 0}.
+// * On a sheet the answer is {p, half of its thickness, but at most `largest`}.
 //
 // In a surface with a hull (Surface::hull) the ball is the larger of those on both sides of p, its radius is
 // what Surface::signed_nearest gives, and without such a ball the answer is also {p, 0}.

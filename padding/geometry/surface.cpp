@@ -335,10 +335,10 @@ double Surface::distance_to(std::uint32_t triangle, const Point& p) const {
 double Surface::certified_distance(const Point& p) const {
   const auto winding = winding_number(p);
   const bool inside = winding && *winding > 0;
-  if (!hull() && inside) return -clearance(p).distance;
+  if (!hull() && !inside) return outside_of_sheet(p, nearest(p)).distance;
   if (!hull()) {
-    const Nearest at = nearest(p);
-    return at.distance - half_thickness(at.triangle);
+    const double depth = -clearance(p).distance;
+    return sheet_ ? std::min(depth, sheet_->nearest(p).distance - half_thickness_) : depth;
   }
   const double apart = nearest(p).distance;
   return inside ? std::min(apart, -clearance(p).distance) : apart;
@@ -353,6 +353,7 @@ Nearest Surface::signed_nearest_in_hull(const Point& p, const Nearest& nearest) 
   if (!(outer.distance < 0)) return best;
   const Nearest clear = clearance(p);
   if (-clear.distance < best.distance) best.distance = -clear.distance, best.point = clear.point;
+  best.inside = best.distance < 0;
   return best;
 }
 
@@ -362,26 +363,52 @@ Nearest Surface::with_side(const Point& p, const Nearest& nearest, bool known_in
   if (hull()) return signed_nearest_in_hull(p, nearest);
   Nearest best = nearest;
   if (!(best.distance < std::numeric_limits<double>::infinity())) return best;
-  const auto& t = mesh_.triangles[best.triangle];
+  best.normal = normal_at(p, best);
+  best.inside = (p - best.point).dot(best.normal) < 0;
+  if (side_ == SideBy::winding && best.distance > 0) {
+    if (known_inside && closed())
+      best.inside = true;
+    else if (const auto winding = winding_number(p))
+      best.inside = *winding > 0;
+  }
+  if (best.inside)
+    best.distance = -best.distance;
+  else
+    best = outside_of_sheet(p, best);
+  return best;
+}
+
+Vector Surface::normal_at(const Point& p, const Nearest& nearest) const {
+  const auto& t = mesh_.triangles[nearest.triangle];
   const Point& a = mesh_.points[t[0]];
   Point q;
   int feature;
   closest(p, a, mesh_.points[t[1]] - a, mesh_.points[t[2]] - a, q, feature);
-  if (feature == face)
-    best.normal = face_normals_[best.triangle];
-  else if (feature <= vertex2)
-    best.normal = vertex_normals_[t[feature - vertex0]];
-  else
-    best.normal = edge_normals_[best.triangle][feature - edge01];
-  bool inside = (p - best.point).dot(best.normal) < 0;
-  if (side_ == SideBy::winding && best.distance > 0) {
-    if (known_inside && closed())
-      inside = true;
-    else if (const auto winding = winding_number(p))
-      inside = *winding > 0;
-  }
-  best.distance = inside ? -best.distance : best.distance - half_thickness(best.triangle);
-  return best;
+  if (feature == face) return face_normals_[nearest.triangle];
+  if (feature <= vertex2) return vertex_normals_[t[feature - vertex0]];
+  return edge_normals_[nearest.triangle][feature - edge01];
+}
+
+void Surface::set_sheet(std::size_t first, double thickness) {
+  first_sheet_ = first, half_thickness_ = 0.5 * thickness;
+  sheet_.reset();
+  if (!(half_thickness_ > 0) || first == 0 || first >= mesh_.triangles.size()) return;
+  Mesh sheet;
+  for (std::size_t t = first; t < mesh_.triangles.size(); t++) sheet.add(mesh_.corners(t));
+  sheet_ = std::make_shared<const Surface>(sheet);
+}
+
+// For a point that nothing bounds, its nearest triangle: how far it is from the body, half of whose thickness
+// is taken off the distance to a sheet. A sheet may so be nearer than a nearer triangle of a solid.
+Nearest Surface::outside_of_sheet(const Point& p, const Nearest& nearest) const {
+  Nearest best = nearest;
+  best.distance -= half_thickness(nearest.triangle);
+  if (!sheet_ || nearest.triangle >= first_sheet_) return best;
+  Nearest other = sheet_->nearest(p, nearest.distance + half_thickness_);
+  if (!std::isfinite(other.distance)) return best;
+  other.distance -= half_thickness_, other.triangle += static_cast<std::uint32_t>(first_sheet_);
+  other.normal = normal_at(p, other);
+  return other;
 }
 
 std::optional<int> Surface::winding_number(const Point& p) const {

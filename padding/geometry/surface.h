@@ -20,6 +20,7 @@ struct Nearest {
   double distance = std::numeric_limits<double>::infinity();
   std::uint32_t triangle = 0;      // of the mesh; undefined when distance is infinite
   Vector normal = Vector::Zero();  // pseudonormal of unit length; only from Surface::signed_nearest
+  bool inside = false;             // of what the surface bounds: not in a sheet that is thick; as above
 };
 
 // How signed_nearest finds on which side of the surface a point lies.
@@ -49,13 +50,12 @@ class Surface {
   void set_side(SideBy side) { side_ = side; }
 
   // From triangle `first` on, `mesh` is a sheet: the body has half of the thickness on either side of it, and
-  // signed_nearest() and certified_distance() are less by that where nothing else is inside.
-  void set_sheet(std::size_t first, double thickness) {
-    first_sheet_ = first, half_thickness_ = 0.5 * thickness;
-  }
+  // what else the surface bounds. signed_nearest() and certified_distance() are of that body.
+  void set_sheet(std::size_t first, double thickness);
   double half_thickness(std::uint32_t triangle) const {
     return triangle >= first_sheet_ ? half_thickness_ : 0;
   }
+  double half_thickness() const { return half_thickness_; }  // of the sheet; 0: there is none, or it is thin
 
   // The nearest point, if it is closer than `limit`. Otherwise the distance stays infinite.
   Nearest nearest(const Point& p, double limit = std::numeric_limits<double>::infinity()) const;
@@ -153,6 +153,8 @@ class Surface {
   };
 
   Nearest signed_nearest_in_hull(const Point& p, const Nearest& nearest) const;
+  Vector normal_at(const Point& p, const Nearest& nearest) const;
+  Nearest outside_of_sheet(const Point& p, const Nearest& nearest) const;
   std::optional<int> winding_in_solid(const Point& p) const;
   void find_normals();
   void cut_needles();
@@ -170,6 +172,7 @@ class Surface {
   Mesh mesh_;
   std::size_t first_sheet_ = std::numeric_limits<std::size_t>::max();
   double half_thickness_ = 0;
+  std::shared_ptr<const Surface> sheet_;  // alone; null unless it is thick and `mesh` has other triangles
   SideBy side_;
   std::shared_ptr<const Surface> solid_;
   Box bounds_;

@@ -142,7 +142,7 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
       if (const auto s = sampler.at(ball, sphere_point(j, n, double(k)), weight)) found[k].push_back(*s);
     // The point where the ball stands out farthest lies beyond the surface point nearest to its centre.
     const Nearest near = body_surface.signed_nearest(ball.center);
-    Vector out = near.distance < 0 ? Vector(near.point - ball.center) : Vector(ball.center - near.point);
+    Vector out = near.inside ? Vector(near.point - ball.center) : Vector(ball.center - near.point);
     if (out.norm() > 0)
       if (const auto s = sampler.at(ball, out.normalized(), 0)) found[k].push_back(*s);
   }

@@ -363,6 +363,99 @@ TEST(Pad, ASheetOfABodyIsMarked) {
   for (const Point& x : p.marks[0].mesh.points) EXPECT_GE(x.z(), 1 - 1e-9);
 }
 
+// A rectangle across y, from a to b in x and z. It bounds nothing.
+Mesh fin_of(const Point& a, const Point& b) {
+  Mesh fin;
+  fin.points = {{a.x(), a.y(), a.z()}, {b.x(), a.y(), a.z()}, {b.x(), a.y(), b.z()}, {a.x(), a.y(), b.z()}};
+  fin.triangles = {{0, 1, 2}, {0, 2, 3}};
+  return fin;
+}
+
+// The unit cube with a fin, whose distances have closed forms.
+struct FinnedCube {
+  const Point from{1, 0.2, 0.2}, to{1.6, 0.2, 0.8};  // of the fin
+  Mesh mesh = joined(shapes::box({0, 0, 0}, {1, 1, 1}), fin_of(from, to));
+
+  double to_cube(const Point& p) const { return (p - p.cwiseMax(0).cwiseMin(1)).norm(); }
+  double to_fin(const Point& p) const { return (p - p.cwiseMax(from).cwiseMin(to)).norm(); }
+  // How far is a point from the body, half of whose thickness lies on each side of the fin?
+  double to_body(const Point& p, double thickness) const {
+    return std::max(0.0, std::min(to_cube(p), to_fin(p) - 0.5 * thickness));
+  }
+};
+
+bool in_spheres(const Cluster& c, const Point& p, double more = 0) {
+  for (std::size_t k = 0; k < c.size(); k++)
+    if ((c.centers[k] - p).norm() <= c.radii[k] + more) return true;
+  return false;
+}
+
+// How far a random point of the spheres stands out of the body.
+double sampled_protrusion(const FinnedCube& body, const Cluster& c, double thickness) {
+  shapes::RandomInput random(3);
+  double most = 0;
+  for (std::size_t k = 0; k < c.size(); k++)
+    for (int j = 0; j < 200; j++)
+      most = std::max(most, body.to_body(c.centers[k] + c.radii[k] * random.direction(), thickness));
+  return most;
+}
+
+// Larger spheres would do on a thick sheet. The tolerance is kept with more of those that are allowed.
+TEST(Pad, SpheresOfAThickSheetKeepTheLimitsOfTheRadius) {
+  const FinnedCube body;
+  shapes::RandomInput random(4);
+  for (const double gap : {0.05, 0.0}) {
+    SCOPED_TRACE(gap);
+    PadOptions options{.protrusion = Length::of(0.05), .gap = Length::of(gap), .effort = 0};
+    options.thickness = Length::of(0.3), options.max_radius = Length::of(0.12);
+    const Padded p = pad(as_file(body.mesh), options);
+    const Cluster& c = p.cluster;
+    EXPECT_TRUE(c.accuracy.certified) << p.report.reason;
+    EXPECT_LE(*std::max_element(c.radii.begin(), c.radii.end()), 0.12 * (1 + 1e-9));
+    EXPECT_LE(sampled_protrusion(body, c, 0.3), 0.05 * (1 + 1e-6));
+    for (int k = 0; k < 2000; k++) {
+      const Point on_fin(random.uniform(1, 1.6), 0.2, random.uniform(0.2, 0.8));
+      EXPECT_TRUE(in_spheres(c, on_fin, gap + 1e-9)) << on_fin.transpose();
+      EXPECT_TRUE(in_spheres(c, {random.uniform(0, 1), random.uniform(0, 1), 1}, gap + 1e-9));
+    }
+  }
+  PadOptions alone{.tolerance = Length::share(0.02), .effort = 0};
+  alone.thickness = Length::of(0.1);
+  for (const double largest : {0.01, 0.03, 0.06, 0.2}) {
+    alone.max_radius = Length::of(largest);
+    const Padded p = pad(as_file(shapes::square(1)), alone);
+    EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+    for (const double r : p.cluster.radii) EXPECT_LE(r, largest * (1 + 1e-9));
+  }
+  alone.max_radius = {};
+  for (const double smallest : {0.06, 0.078}) {  // the largest that keeps the tolerance has 0.0783
+    alone.min_radius = Length::of(smallest);
+    const Padded p = pad(as_file(shapes::square(1)), alone);
+    EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+    for (const double r : p.cluster.radii) EXPECT_GE(r, smallest);
+  }
+  alone.min_radius = Length::of(0.08);
+  EXPECT_TRUE(refuses([&] { const Padded p = pad(as_file(shapes::square(1)), alone); }, "--min-radius"));
+}
+
+// Beside the root of the fin the cube is nearer, but for half of the thickness.
+TEST(Pad, NoSampleOfAThickSheetIsAboveTheBound) {
+  const FinnedCube body;
+  for (const bool by_depth : {false, true}) {
+    PadOptions options{.effort = 0};
+    if (by_depth)
+      options.edge_length = Length::of(0.1);
+    else
+      options.tolerance = Length::of(0.05);
+    options.thickness = Length::of(0.2);
+    const Padded p = pad(as_file(body.mesh), options);
+    const Accuracy& a = p.cluster.accuracy;
+    EXPECT_TRUE(a.certified) << p.report.reason;
+    EXPECT_NEAR(a.protrusion_max, a.protrusion_bound, 1e-12);
+    EXPECT_LE(sampled_protrusion(body, p.cluster, 0.2), a.protrusion_bound + 1e-12);
+  }
+}
+
 // By depth ratio, a body of pieces that cross is remeshed as evenly as one that was whole.
 TEST(Pad, CrossingPiecesMakeNoMoreSpheresByDepthThanTheirAreaAsksFor) {
   const Mesh mesh =

@@ -65,7 +65,7 @@ void print_repair(const PadReport& r, const Accuracy& a) {
     std::printf("  and %zu closed slots more (--json lists them)\n", r.slots.size() - 5);
 }
 
-// The two largest errors in percent of the diagonal, each with what stands behind it: "protrusion at most
+// The bounds of both errors in percent of the diagonal, each with what stands behind it: "protrusion at most
 // 0.43 % (mean 0.17 %), gap at most 0.37 % (mean 0.004 %), both proved against the input".
 std::string errors_text(const Accuracy& a, double diagonal) {
   const auto percent = [&](double length) { return 100 * length / diagonal; };
@@ -74,9 +74,9 @@ std::string errors_text(const Accuracy& a, double diagonal) {
   char text[400];
   std::snprintf(text, sizeof text,
                 "protrusion %s%.3f %% (mean %.3f %%)%s, gap at most %.3f %% (mean %.4f %%), %s",
-                proved ? "at most " : "", percent(a.protrusion_max), percent(a.protrusion_mean),
-                proved ? "" : " in the samples", percent(a.gap_max), percent(a.gap_mean),
-                proved ? "both proved against the input" : "only the gap proved");
+                proved ? "at most " : "", percent(proved ? a.protrusion_bound : a.protrusion_max),
+                percent(a.protrusion_mean), proved ? "" : " in the samples", percent(a.gap_bound),
+                percent(a.gap_mean), proved ? "both proved against the input" : "only the gap proved");
   return text;
 }
 

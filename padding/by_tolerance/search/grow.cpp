@@ -73,8 +73,8 @@ void BallGrower::try_place(const Candidate& beside, double most, Random& random,
                            std::vector<Candidate>& candidates) const {
   const Nearest at = surface_.nearest(beside.point + random_step(random, most));
   const double guess = 1.1 * beside.inner_distance + 0.5 * limits_.tolerance_sum;
-  // A ball that sits on a sheet is not inside.
-  const bool inside = beside.ball.center != beside.point;
+  // A ball that sits on a sheet is not inside; on a thick one, it may have been grown for another point.
+  const bool inside = beside.ball.center != beside.point && !(surface_.half_thickness() > 0);
   const Ball inner{beside.ball.center, inside ? beside.inner_distance : 0};
   propose(at.point, at.triangle, medial(at.point, at.triangle, guess, inner), candidates);
 }

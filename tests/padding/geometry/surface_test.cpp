@@ -332,6 +332,40 @@ TEST(Surface, BelowASheetIsInside) {
   EXPECT_NEAR(sheet.signed_nearest({0.4, 0.3, -0.25}).distance, -0.25, 1e-15);
 }
 
+// A cube, and a fin beside it that has a thickness: the body is both together.
+TEST(Surface, ABodyIsAsFarAsItsThickSheetIs) {
+  const Mesh cube = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
+  Mesh fin;
+  fin.points = {{0.5, 0.1, -0.3}, {0.9, 0.1, -0.3}, {0.9, 0.1, 0.3}, {0.5, 0.1, 0.3}};
+  fin.triangles = {{0, 1, 2}, {0, 2, 3}};
+  constexpr double half = 0.15;
+  Surface surface(joined(cube, fin), SideBy::winding, std::make_shared<const Surface>(cube));
+  surface.set_sheet(cube.triangles.size(), 2 * half);
+  RandomInput random(62);
+  int nearer = 0;
+  for (int k = 0; k < 20000; k++) {
+    const Point p = random.point(1.2);
+    const double to_cube = brute_force(cube, p), to_fin = brute_force(fin, p) - half;
+    const bool in_cube = p.cwiseAbs().maxCoeff() < 0.5;
+    const Nearest at = surface.signed_nearest(p);
+    EXPECT_EQ(at.inside, in_cube);
+    if (in_cube) {
+      EXPECT_NEAR(at.distance, -std::min(to_cube, to_fin + half), 1e-12);
+      // A point in both is as deep as it is in one of them.
+      EXPECT_NEAR(surface.certified_distance(p), std::min(at.distance, to_fin), 1e-12);
+      continue;
+    }
+    EXPECT_NEAR(at.distance, std::min(to_cube, to_fin), 1e-12);
+    EXPECT_NEAR(surface.certified_distance(p), at.distance, 1e-15);
+    const bool of_fin = to_fin < to_cube;
+    EXPECT_EQ(at.triangle >= cube.triangles.size(), of_fin);
+    EXPECT_NEAR((at.point - p).norm(), of_fin ? to_fin + half : to_cube, 1e-12);
+    EXPECT_NEAR(at.normal.norm(), 1, 1e-12);
+    nearer += of_fin && to_cube < to_fin + half;
+  }
+  EXPECT_GT(nearer, 100) << "where the cube is nearer than the fin's middle";
+}
+
 TEST(Surface, ManyThreadsGetTheSameAnswers) {
   RandomInput random(61);
   const Surface surface(shapes::blob(random, 4));
