@@ -283,17 +283,30 @@ void store(const RungSpheres& made, const UnitFrame& frame, T& into) {
   }
 }
 
-// A planner that asks for a gap of 0 may take a solid with holes for covered.
-void add_warnings(const PadOptions& options, const Asked& asked, const Cluster& c, PadReport& report) {
+// A planner that asks for a gap of 0 may take a solid with holes for covered, and a sheet with its thickness.
+void warn_of_sheet(const Repaired& body, const std::string& name, PadReport& report) {
+  const bool alone = body.kind == BodyKind::sheet;
+  // Of a solid, what is folded over may be a sheet, too: all of it is covered, unless it is thick.
+  const bool beside = body.sheet > 0 && (body.thickness > 0 || body.steps.sheet_pieces > 0);
+  if (!alone && !beside) return;
+  report.filled_body = false;
+  report.warnings.push_back(
+      name +
+      (alone ? ": an open sheet has no inside, so that a gap of 0 covers its triangles alone"
+             : ": some of its surface is a sheet, which has no inside, so that a gap of 0 covers the "
+               "triangles of the sheet alone") +
+      (body.thickness > 0 ? ", and not its thickness" : "") +
+      ": if it is a solid with holes, use --repair fill");
+}
+
+void add_warnings(const PadOptions& options, const Asked& asked, const Repaired& body, const Cluster& c,
+                  PadReport& report) {
   const double error = c.accuracy.normal_error_mean_deg;
   if (options.smooth > 0 && error > options.smooth)
     report.warnings.push_back(c.source.file + ": the normals are off by " + short_number(error, 3) +
                               " degrees in the mean, and --smooth asks for " +
                               short_number(options.smooth, 3) + ": use a smaller tolerance or more spheres");
-  if (asked.filled && report.kind == BodyKind::sheet)
-    report.warnings.push_back(c.source.file +
-                              ": an open sheet has no inside, so that a gap of 0 covers its triangles alone: "
-                              "if it is a solid with holes, use --repair fill");
+  if (asked.filled) warn_of_sheet(body, c.source.file, report);
 }
 
 // The mass of the repaired body. A sheet has none, nor has a surface that faces inward on the whole.
@@ -429,6 +442,16 @@ Surface repaired_surface(const Mesh& input, RepairOptions options, const std::st
   return surface_in_wrap(input, body, by_grain, report);
 }
 
+// Spheres below the normals of a sheet know of no thickness.
+void check_thickness(const PadOptions& options, const Surface& surface, const std::string& name) {
+  if (!options.thickness.given() || surface.closed()) return;
+  throw Error(
+      name +
+      ": a thickness has no effect on an open sheet that is padded below its normals: leave it out, or " +
+      (options.by_depth() ? "ask for a tolerance or a count, without a depth ratio"
+                          : "leave out --repair never"));
+}
+
 }  // namespace
 
 Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress& progress) {
@@ -444,8 +467,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   const Box box = input.bounds();
   const UnitFrame frame(box, name);
   check_meant(options, box, name);
-  report.triangles_in = file.mesh.triangles.size();
-  report.diagonal = frame.scale();
+  report.triangles_in = file.mesh.triangles.size(), report.diagonal = frame.scale();
   for (Point& p : input.points) p = frame.into(p);
   const std::vector<Length> rungs = rungs_of(options, frame.scale());
   report.tolerance = rungs.back().absolute(frame.scale());
@@ -459,6 +481,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   Repaired body;
   const Surface surface = repaired_surface(input, repairing(options, length, tolerance, frame.scale()), name,
                                            tolerance, body, report);
+  check_thickness(options, surface, name);
   show_repair(body, input.area(), frame, out);
   report.seconds.repair = clock.lap();
 
@@ -507,7 +530,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   c.family = options.family, c.mask = options.mask;
   c.bounds = box;
   set_mass(c, body, frame, report);
-  add_warnings(options, finest, c, report);
+  add_warnings(options, finest, body, c, report);
   step("done", 6);
   return out;
 }

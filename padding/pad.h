@@ -33,8 +33,8 @@ struct PadReport {
   // Proved: no cover has fewer spheres whose errors the certificate bounds by the ones that were asked for,
   // or with a count alone by the ones that were found (padding/by_tolerance/lower_bound.h); 0: not asked for.
   std::uint64_t fewest = 0;
-  // Proved: no point of the body lies outside the spheres. Only a gap of 0 asks for it. False for a sheet,
-  // which has no inside.
+  // Proved: no point of the body lies outside the spheres. Only a gap of 0 asks for it. False where some of
+  // the surface is a sheet: it has no inside, and its triangles alone are covered.
   bool filled_body = false;
   // Do protrusion_max and gap_max of every level of detail keep its tolerance? True when none was asked for.
   // Of an open sheet the protrusion is sampled, so this is no proof; Accuracy::certified is.

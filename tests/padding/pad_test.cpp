@@ -438,6 +438,33 @@ TEST(Pad, SpheresOfAThickSheetKeepTheLimitsOfTheRadius) {
   EXPECT_TRUE(refuses([&] { const Padded p = pad(as_file(shapes::square(1)), alone); }, "--min-radius"));
 }
 
+// What lies half of the thickness beside the fin need not lie in spheres that cover the fin.
+TEST(Pad, ABodyIsSaidToBeCoveredOnlyIfItIs) {
+  const FinnedCube body;
+  shapes::RandomInput random(5);
+  for (const double thickness : {0.0, 0.004, 0.2}) {
+    SCOPED_TRACE(thickness);
+    PadOptions options{.protrusion = Length::of(0.05), .gap = Length::of(0), .effort = 0};
+    options.thickness = Length::of(thickness);
+    const Padded p = pad(as_file(body.mesh), options);
+    EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+    bool covered = true;
+    for (int k = 0; k < 4000; k++) {
+      covered = covered &&
+                in_spheres(p.cluster, {random.uniform(0, 1), random.uniform(0, 1), random.uniform(0, 1)});
+      const Vector across(0, random.uniform(-0.5, 0.5) * thickness, 0);
+      covered = covered &&
+                in_spheres(p.cluster, Point(random.uniform(1, 1.6), 0.2, random.uniform(0.2, 0.8)) + across);
+    }
+    EXPECT_TRUE(covered || !p.report.filled_body);
+    if (thickness == 0.2) EXPECT_FALSE(covered);
+    EXPECT_FALSE(p.report.filled_body) << "the fin has no inside";
+    ASSERT_EQ(p.report.warnings.size(), 1u);
+    EXPECT_NE(p.report.warnings[0].find("--repair fill"), std::string::npos);
+    EXPECT_EQ(p.report.warnings[0].find("not its thickness") != std::string::npos, thickness > 0);
+  }
+}
+
 // Beside the root of the fin the cube is nearer, but for half of the thickness.
 TEST(Pad, NoSampleOfAThickSheetIsAboveTheBound) {
   const FinnedCube body;
@@ -454,6 +481,17 @@ TEST(Pad, NoSampleOfAThickSheetIsAboveTheBound) {
     EXPECT_NEAR(a.protrusion_max, a.protrusion_bound, 1e-12);
     EXPECT_LE(sampled_protrusion(body, p.cluster, 0.2), a.protrusion_bound + 1e-12);
   }
+}
+
+// Below the normals of a sheet each sphere is as deep as its triangle asks for.
+TEST(Pad, AThicknessThatDoesNothingIsRefused) {
+  const auto refused = [](const Mesh& mesh, PadOptions options, const std::string& says) {
+    options.thickness = Length::of(0.1);
+    EXPECT_TRUE(refuses([&] { const Padded p = pad(as_file(mesh), options); }, says));
+  };
+  refused(shapes::square(1), {.edge_length = Length::of(0.1)}, "a thickness has no effect");
+  refused(shapes::square(1), {.tolerance = Length::of(0.05), .repair = RepairMode::never},
+          "leave out --repair never");
 }
 
 // By depth ratio, a body of pieces that cross is remeshed as evenly as one that was whole.
