@@ -156,10 +156,11 @@ class EnergyGuard {
   bool driven_ = false;
 };
 
-// At rest: nothing is faster than what falls a thousandth of the mean radius.
+// At rest: nothing is faster than what falls a thousandth of the mean radius. Before the first step all may
+// stand still.
 bool at_rest(const Stepper& stepper, const Watch& w) {
   const double most = 2e-3 * stepper.gravity() * stepper.mean_radius();
-  return stepper.contacts() > 0 && w.fastest * w.fastest < most;
+  return stepper.steps() > 0 && stepper.contacts() > 0 && w.fastest * w.fastest < most;
 }
 
 Json report_of(const Stepper& stepper, const detect::RungChoice& rungs, const Watch& w, double first_energy,

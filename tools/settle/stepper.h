@@ -39,7 +39,8 @@ class Stepper {
   double time_step() const { return s_.step; }
   std::uint64_t steps() const { return steps_; }
   double time() const { return static_cast<double>(steps_) * s_.step; }
-  std::uint64_t contacts() const { return contacts_; }  // of the last step, those with walls among them
+  // Of the last step, those with walls among them; after watch() and before a step, as the spheres lie.
+  std::uint64_t contacts() const { return contacts_; }
   // The pairs of spheres that touched in the last step, by i, then j. On a GPU: candidates that touch at
   // placed(), wherever that is.
   std::vector<detect::Pair> touching_pairs() const;
@@ -71,6 +72,7 @@ class Stepper {
   void check_rims() const;
   double place_and_measure();
   void find_first_candidates();
+  void count_contacts();
   void find_candidates();
   void choose_skin();
   void detect_pairs();

@@ -2,6 +2,7 @@
 // What can be asked of a stepper between two steps: energies, contacts, a snapshot.
 #include <omp.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "padding/asset/error.h"
@@ -10,15 +11,35 @@
 namespace padder::settle {
 
 // Before the first step, and after resume(), no candidates are known: without them the energy of contacts
-// that press already would be missing.
+// that press already would be missing, and so would the contacts.
 void Stepper::find_first_candidates() {
   if (found_) return;
   const double begun = omp_get_wtime();
   threads_ = chosen_.choose(asked_threads_, s_.spheres());
   place();
   find_candidates();
+  count_contacts();
   chosen_.done();
   effort_.seconds += omp_get_wtime() - begun;
+}
+
+// Those of the spheres as they lie, which the next step would find.
+void Stepper::count_contacts() {
+  contacts_ = 0, deepest_ = deepest_ratio_ = 0;
+  const auto add = [&](double depth, double radius) {
+    contacts_++;
+    deepest_ = std::max(deepest_, depth), deepest_ratio_ = std::max(deepest_ratio_, depth / radius);
+  };
+  const auto [pairs, walls] = candidates();
+  for (const SpringMemory& m : pairs) {
+    const detect::Sphere &a = centers_[m.i], &b = centers_[m.j];
+    if (detect::touching(a, b)) add(detect::geometry(a, b).depth, std::min(a.r, b.r));
+  }
+  for (const SpringMemory& m : walls) {
+    const detect::Sphere& a = centers_[m.i];
+    const double depth = contact_with(s_.walls[m.j], center_of(a), a.r).depth;
+    if (!(depth < 0)) add(depth, a.r);
+  }
 }
 
 Watch Stepper::watch() {

@@ -114,6 +114,10 @@ with tempfile.TemporaryDirectory() as folder:
     assert milli["steps"] == metre["steps"] and abs(milli["energy"]["potential"] / metre["energy"]["potential"] - 1e6) < 10, (metre, milli)
     assert report("ball.json", "--checkpoint", "ball.npz", "-o", "lying.npz")["at_rest"]
     assert report("ball.json", "--resume", "ball.npz", "--steps", 100)["at_rest"]
+    lying = report("ball.json", "--resume", "ball.npz", "--steps", 0)
+    assert lying["contacts"] == 1 and lying["penetration"] > 0 and lying["at_rest"], lying
+    fresh = report("ball.json", "--steps", 0)
+    assert fresh["contacts"] == 1 and not fresh["at_rest"], fresh
     write("again.json", {**ball, "spheres": [{"file": "lying_0000.npz"}]})
     assert report("again.json", "--steps", 100)["at_rest"]
     write("long.json", {**ball, "settle": {**ball["settle"], "duration": 1e300}})
