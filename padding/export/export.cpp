@@ -109,27 +109,28 @@ void check(const Model& model, const Format& format, const std::string& where) {
                                           [](const Body& b) { return b.cluster.size() > 0; });
   for (const Body& b : model.bodies) {
     const Cluster& c = b.cluster;
-    if (c.centers.size() != c.size()) fail(b.name + " has not one radius for each centre");
+    const std::string name = b.name.empty() ? "a body without a name" : b.name;
+    if (c.centers.size() != c.size()) fail(name + " has not one radius for each centre");
     for (std::size_t k = 0; k < c.size(); k++)
       if (!c.centers[k].allFinite() || !std::isfinite(c.radii[k]) || !(c.radii[k] > 0))
-        fail("sphere " + std::to_string(k) + " of " + b.name + " is not finite or has no positive radius");
+        fail("sphere " + std::to_string(k) + " of " + name + " is not finite or has no positive radius");
     if (format.mass_frame && c.size() > 0 && !(c.mass.volume > 0))
-      fail(b.name + " has no volume (an open sheet, or spheres without a mesh), and " + format.program +
+      fail(name + " has no volume (an open sheet, or spheres without a mesh), and " + format.program +
            " wants mass and moments: close the mesh, or pad it with --repair wrap");
     if (exporting::states_mass(format) && !b.inertial && c.mass.volume > 0 && !possible(c.mass))
-      fail("no body has the mass properties of " + b.name +
+      fail("no body has the mass properties of " + name +
            " (moments below 0, axes that are no rotation, or an inertia of others): pad its mesh again");
     if (format.filter == F::none && (c.family != 0 || c.mask != 0))
-      fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
+      fail(name + " has a family or a mask, which the file cannot hold (" + format.program +
            " sets who may touch whom in its own script): pad without --family and --mask");
     // A robot's families only say which of its links may touch, and the file says that in its own way.
     if (format.filter == F::pairs && with_spheres == 1 && !model.robot() && (c.family != 0 || c.mask != 0))
-      fail(b.name + " has a family or a mask, which the file cannot hold (" + format.program +
+      fail(name + " has a family or a mask, which the file cannot hold (" + format.program +
            " names pairs of bodies in one file, and there is one): pad without --family and --mask, or write "
            ".spheres.json, .npz, .vtp, .xml or Chrono's header");
     if ((format.filter == F::bits || format.filter == F::both) && with_spheres == 1 && !model.robot() &&
         c.family > static_cast<std::uint32_t>(format.bits))
-      fail(b.name + " is of family " + std::to_string(c.family) + ", and " + format.program +
+      fail(name + " is of family " + std::to_string(c.family) + ", and " + format.program +
            " has bits for families 1 to " + std::to_string(format.bits) + ": pad with one of those");
   }
 }

@@ -58,6 +58,14 @@ TEST_F(WarningsTest, TheMassOfAWrapIsNotWrittenWithoutAWord) {
   }
 }
 
+TEST_F(WarningsTest, ABodyWithoutANameIsSpokenOf) {
+  Model model = model_of(brick());
+  model.bodies[0].name.clear(), model.bodies[0].cluster.family = 3;
+  const Format& format = *std::ranges::find(formats(), std::string_view("dem-engine"), &Format::name);
+  const std::string error = error_of([&] { write_model(model, folder_ / "a.csv", format); });
+  EXPECT_NE(error.find("a body without a name has a family or a mask"), std::string::npos) << error;
+}
+
 TEST_F(WarningsTest, MassPropertiesThatNoBodyHasAreNotWritten) {
   using Spoil = std::function<void(MassProperties&)>;
   const auto told = [&](const Format& format, const Spoil& spoil) {
