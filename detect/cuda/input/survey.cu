@@ -47,7 +47,7 @@ __global__ void __launch_bounds__(kThreads) survey_kernel(DeviceSpheres source, 
   double r_min = INFINITY, r_max = 0, need = 0, extent = 0, sum = 0;
   Word fault = ~0ull;
   for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += gridDim.x * kThreads) {
-    const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
+    const Sphere s = source.searched(static_cast<std::uint32_t>(k));
     if (fault_of(s) != Fault::none) {
       fault = min(fault, static_cast<Word>(k));
       continue;
@@ -97,7 +97,7 @@ __global__ void __launch_bounds__(kThreads) octave_kernel(DeviceSpheres source, 
     v[k] = k % kOctaveWords < 3 ? ~0ull : 0;
   __syncthreads();
   for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += kBlocks * kThreads) {
-    const Sphere s = source.sphere(static_cast<std::uint32_t>(k));
+    const Sphere s = source.searched(static_cast<std::uint32_t>(k));
     const double need = need_of(s);
     const int octave = octave_of(top, need);
     Word* o = v + octave * kOctaveWords;
@@ -154,7 +154,7 @@ __global__ void __launch_bounds__(kThreads) exponent_kernel(DeviceSpheres source
   for (int k = threadIdx.x; k < kExponents; k += kThreads) counts[k] = 0;
   __syncthreads();
   for (std::uint64_t k = blockIdx.x * kThreads + threadIdx.x; k < source.count; k += gridDim.x * kThreads)
-    atomicAdd(counts + exponent_of(need_of(source.sphere(static_cast<std::uint32_t>(k)))) + 1023, 1u);
+    atomicAdd(counts + exponent_of(need_of(source.searched(static_cast<std::uint32_t>(k)))) + 1023, 1u);
   __syncthreads();
   for (int k = threadIdx.x; k < kExponents; k += kThreads)
     if (counts[k]) atomicAdd(out + k, static_cast<Word>(counts[k]));
@@ -188,12 +188,12 @@ __global__ void __launch_bounds__(kProbes)
                       some = targets > begin ? min(targets - begin, kBlockTargets) : 0;
   if (threadIdx.x < some) {
     const std::uint32_t number = drawn_at(begin + threadIdx.x, targets, source.count);
-    const Sphere s = source.sphere(number);
+    const Sphere s = source.searched(number);
     target[threadIdx.x] = s, target_number[threadIdx.x] = number, target_group[threadIdx.x] = group_of(s);
   }
   const bool has_probe = threadIdx.x < probes;
   const std::uint32_t number = has_probe ? drawn_at(threadIdx.x, probes, source.count) : 0;
-  const Sphere probe = source.sphere(number);
+  const Sphere probe = source.searched(number);
   const int group = group_of(probe);
   __syncthreads();
   if (has_probe && blockIdx.x == 0) atomicAdd(counts + group, 1u);

@@ -95,7 +95,7 @@ __global__ void __launch_bounds__(Threads,
     } else {
 #pragma unroll
       for (int u = 0; u < kAtOnce; u++)
-        if (const std::uint32_t k = u * Threads + threadIdx.x; k < here) s[u] = source.sphere(first + k);
+        if (const std::uint32_t k = u * Threads + threadIdx.x; k < here) s[u] = source.searched(first + k);
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {

@@ -125,7 +125,7 @@ __device__ __forceinline__ void give_octaves(const Task& task, std::uint32_t thr
 #pragma unroll
   for (int u = 0; u < kItems; u++) {
     const std::uint32_t k = thread + u * threads;
-    const Sphere s = k < count ? task.source.sphere(k) : Sphere{};
+    const Sphere s = k < count ? task.source.searched(k) : Sphere{};
     const auto f = make_float4(static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
                                static_cast<float>(s.r));
     if (u == 0) taker.begin(task.gather.top, f, k < count);
@@ -206,7 +206,7 @@ __global__ void __launch_bounds__(kThreads, kBlocksAProcessor)
     const std::uint32_t k = thread + u * threads;
     own.key[u] = ~0u;
     if (k < count) {
-      const Sphere s = task.source.sphere(k);
+      const Sphere s = task.source.searched(k);
       own.key[u] = key_of_sphere(s, bins, task.counters);
       if (Along) bounds.take(s, k);
     }

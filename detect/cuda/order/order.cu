@@ -20,7 +20,7 @@ __global__ void __launch_bounds__(kThreads)
   for (std::uint64_t at = blockIdx.x * kThreads + threadIdx.x; at < source.count;
        at += gridDim.x * kThreads) {
     const auto k = static_cast<std::uint32_t>(at);
-    const Sphere s = source.sphere(k);
+    const Sphere s = source.searched(k);
     keys[k] = key_of_sphere(s, bins, counters), ids[k] = k;
     if (Along) bounds.take(s, k);
   }

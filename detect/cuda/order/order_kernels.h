@@ -27,7 +27,7 @@ inline constexpr bool kKeyless = !std::is_same_v<Bins, Grid>;
 template <SlotKind Kind, bool Packed>
 __device__ __forceinline__ float4 bare_slot(const DeviceSpheres& source, const Grid* grid, std::uint32_t id) {
   if constexpr (Packed) return __ldg(source.float_sphere(id));
-  const Sphere s = source.sphere(id);
+  const Sphere s = source.searched(id);
   if constexpr (Kind == SlotKind::fixed_point) {
     const FixedPointSlot f = fixed_point_slot(grid->level[level_of(*grid, s)], s);
     return make_float4(__int_as_float(f.x), __int_as_float(f.y), __int_as_float(f.z), f.r);

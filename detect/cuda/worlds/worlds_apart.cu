@@ -71,7 +71,7 @@ bool WorldsApart::lay_out(const WorldBounds& b, double margin, DeviceSpheres& so
   Summary apart;
   if (!lay_side_by_side(b, source.count, margin, source.side_by_side, apart.extent)) return false;
   apart.radius_min = b.radius_min * (1 - 0x1p-20), apart.radius_max = b.radius_max;  // they will be rounded
-  source.packed = source.packed && source.wide;  // packed floats are read past DeviceSpheres::seen()
+  source.packed = source.packed && source.wide;  // packed floats are read past DeviceSpheres::searched()
   return source.worlds_apart = SphereSearch::serves_rounded(apart, margin);
 }
 
