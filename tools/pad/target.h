@@ -29,7 +29,8 @@ struct PadTarget {
   // well, must not be lost to it: it comes last.
   std::vector<OutputFile> in_writing_order() const {
     std::vector<OutputFile> files = outputs;
-    std::ranges::stable_partition(files, [](const OutputFile& file) { return !file.is("srdf"); });
+    std::stable_partition(files.begin(), files.end(),
+                          [](const OutputFile& file) { return !file.is("srdf"); });
     return files;
   }
 };
