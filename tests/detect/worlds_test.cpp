@@ -510,6 +510,23 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
   }
 }
 
+// Whichever sphere it is, and also where no body makes the search go by the tree.
+TEST(Worlds, AFaultyLooseSphereIsNamed) {
+  for (const BackendKind backend : backends()) {
+    Detector detector({backend, 0});
+    for (const int component : {0, 2, 3})
+      for (const double fault : {double(NAN), -double(NAN), double(INFINITY), -double(INFINITY), -1.0})
+        for (const std::size_t at : {0, 57, 299}) {
+          if (fault == -1 && component != 3) continue;
+          World w = random_worlds(4, 5, 0, 300);
+          for (std::uint32_t& world : w.world) world = std::min(world, 5u);
+          (&w.loose[at].x)[component] = fault;
+          EXPECT_TRUE(refuses([&] { detector.detect(w.input()); }, "sphere " + std::to_string(at) + " "))
+              << component << ", " << fault;
+        }
+  }
+}
+
 TEST(Worlds, AnswersCountAsMemory) {
   for (const BackendKind backend : backends()) {
     const World w = random_worlds(2, 3, 5, 5);

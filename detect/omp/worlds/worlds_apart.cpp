@@ -9,16 +9,15 @@
 namespace padder::detect::omp {
 namespace {
 
-// A number that is none is larger than all others here, so that it is seen.
+// Of what is a number: faults are looked for where the spheres are summarized.
 template <class T>
 WorldBounds bounds_of(const View<T>& spheres, int threads) {
-  const auto least = [](double a, double b) { return a <= b ? a : b; };
-  const auto most = [](double a, double b) { return a >= b ? a : b; };
   WorldBounds all{{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}, INFINITY, 0, ~0u, 0};
   const auto join = [&](WorldBounds& to, const WorldBounds& b) {
     for (int c = 0; c < 3; c++)
-      to.low[c] = least(to.low[c], b.low[c]), to.high[c] = most(to.high[c], b.high[c]);
-    to.radius_min = least(to.radius_min, b.radius_min), to.radius_max = most(to.radius_max, b.radius_max);
+      to.low[c] = std::min(to.low[c], b.low[c]), to.high[c] = std::max(to.high[c], b.high[c]);
+    to.radius_min = std::min(to.radius_min, b.radius_min);
+    to.radius_max = std::max(to.radius_max, b.radius_max);
     to.first_world = std::min(to.first_world, b.first_world);
     to.last_world = std::max(to.last_world, b.last_world);
   };
@@ -71,6 +70,7 @@ bool WorldsApart::run(const View<T>& spheres, const CallOptions& options, int th
   CallOptions wider = options;
   wider.width = Width::pairs, wider.margin += off;
   Summary summary = summarize(apart, threads);
+  if (summary.first_fault != ~std::uint64_t(0)) return false;
   summary.grown_by = wider.margin / 2;
   contacts.seconds.place = watch.lap();
   grid_path_.run(apart, summary, wider, threads, found_, contacts.seconds);
