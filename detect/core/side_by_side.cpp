@@ -8,12 +8,10 @@ namespace padder::detect {
 
 bool lay_side_by_side(const WorldBounds& b, std::uint64_t spheres, double margin, SideBySide& s,
                       double& extent) {
-  constexpr std::uint64_t kBoxesASphere = 4;
-  const std::uint64_t boxes = std::uint64_t(b.last_world) - b.first_world + 1;
-  if (b.last_world == kEveryWorld || boxes > kBoxesASphere * spheres || !(b.radius_min >= 0)) return false;
-  const auto last = static_cast<std::uint32_t>(boxes - 1);
+  const std::uint32_t last = b.many() ? b.last_world - b.first_world + (b.every > 0) : 0;
+  if (b.sparse(spheres) || !(b.radius_min >= 0)) return false;
   const int bits = std::bit_width(last);
-  s.first_world = b.first_world, s.bits_x = static_cast<std::uint32_t>(bits + 2) / 3,
+  s.first_world = b.first_world, s.last_box = last, s.bits_x = static_cast<std::uint32_t>(bits + 2) / 3,
   s.bits_y = static_cast<std::uint32_t>(bits + 1) / 3;
   const std::uint32_t most[3] = {std::min(last, (1u << s.bits_x) - 1),
                                  std::min(last >> s.bits_x, (1u << s.bits_y) - 1),

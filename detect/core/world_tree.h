@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// The tree in which scenes of many worlds, with or without a margin, find pairs of elements (pieces of bodies
-// and loose spheres) that are near each other. Elements are ordered by world, so the partners of an element
-// lie in two ranges: the rest of its world, and kEveryWorld. A node is eight consecutive elements or nodes
-// and the box around them. So nodes need no pointers, and one tree serves all worlds. For host and device.
-// Internal.
+// What trees over the elements of scenes of many worlds are made of, and the one that the GPU walks over
+// (the wide one: wide_tree.h). It finds pairs of elements (pieces of bodies and loose spheres) that are near
+// each other. Elements are ordered by world, so the partners of an element lie in two ranges: the rest of its
+// world, and kEveryWorld. A node is eight consecutive elements or nodes and the box around them. So nodes
+// need no pointers, and one tree serves all worlds. For host and device. Internal.
 #pragma once
 #include "detect/contact.h"
 #include "detect/filter.h"

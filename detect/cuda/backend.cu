@@ -32,7 +32,7 @@ class Work {
       return may_go_first && (options.bodies == Bodies::first || automatic_first_);
     };
     const bool known = bodies_.knows(input) && goes_first();
-    check_input(input, true, known || worlds_.knows(input));
+    check_input(input, true, known || worlds_.counted(input));
     const bool worlds =
         options.path == Path::grid && (loose_have_worlds(input) || (!known && have_worlds(input)));
     if (input.revision != decided_) decided_ = 0;
@@ -54,8 +54,9 @@ class Work {
       worlds_.run(call, c);
     else if (!worlds && !done)
       search_spheres(call, c);
-    // The search of spheres has matched its list itself.
-    if (options.history && (tree || done || options.path != Path::grid)) match(call, c);
+    // The search of spheres has matched its list itself, if it has found all of it.
+    const bool matched = worlds ? !tree && worlds_apart_.matched() : !done && options.path == Path::grid;
+    if (options.history && !matched) match(call, c);
     const std::uint32_t* const history = options.history ? history_.end(c.count) : nullptr;
     {
       const ProfileRange delivery("padder: deliver the contacts");
@@ -70,7 +71,7 @@ class Work {
   WorldAnswers detect_worlds(const Input& input, const CallOptions& options, std::uint32_t worlds,
                              Answer answer) {
     const ProfileRange range("padder: detect worlds");
-    check_input(input, true, worlds_.knows(input));
+    check_input(input, true, worlds_.counted(input));
     const Call call = begin(input, options);
     bodies_.forget(), decided_ = 0;
     last_count_ = 0;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Worlds and margins, on every backend and path, beside an oracle that tests every pair.
 
+#include <array>
+
 #include "detect/core/world_tree.h"
 #include "tests/detect/device_memory.h"
 #include "tests/detect/oracle.h"
@@ -145,8 +147,9 @@ TEST(Worlds, LooseSpheresInManyWorldsAndInOneAreFound) {
   }
 }
 
-// Loose spheres alone, at one place or far from the origin, of equal and unequal radii; numbers of worlds
-// that have gaps, or that leave most numbers out. One detector sees all of it, and spheres that move.
+// Loose spheres alone, at one place or far from the origin, of equal and unequal radii, none, some or all of
+// them of every world; numbers of worlds that have gaps, or that leave most numbers out. One detector sees
+// all of it, and spheres that move.
 TEST(Worlds, LooseSpheresOfWorldsAtOnePlace) {
   for (const BackendKind backend : backends()) {
     CallOptions o;
@@ -159,13 +162,16 @@ TEST(Worlds, LooseSpheresOfWorldsAtOnePlace) {
           if (some.left_out()) continue;
           TestScene scene = random_scene(1400, ratio, 1 + static_cast<double>(random() % 5), random());
           std::vector<std::uint32_t> world;
+          const std::uint64_t every = std::array{0, 0, 1, 20, 50, 100}[random() % 6];  // of a hundred
           for (Sphere& s : scene.spheres) {
             s.x += far, s.y -= 3 * far;
             world.push_back(static_cast<std::uint32_t>(7 + random() % worlds * (random() % 2 ? 1 : 2)));
+            if (random() % 100 < every) world.back() = kEveryWorld;
           }
           for (int call = 0; call < 4; call++) {
             SCOPED_TRACE(std::to_string(worlds) + " worlds, ratio " + std::to_string(ratio) + " at " +
-                         std::to_string(far) + " call " + std::to_string(call));
+                         std::to_string(far) + ", " + std::to_string(every) + " % of every world, call " +
+                         std::to_string(call));
             for (Sphere& s : scene.spheres) s.z += call * 0.3 * s.r;
             if (call == 3) scene.spheres[5].z += 40;
             const Scalar scalar = call == 2 ? Scalar::f64 : Scalar::f32;

@@ -185,8 +185,10 @@ class Table {
     }
   }
 
-  // Loose spheres, as dense as those of `bench scaling`: of many worlds at one place, or as many of one.
-  void loose_row(std::uint32_t worlds, std::uint32_t each, detect::BackendKind backend) {
+  // Loose spheres, as dense as those of `bench scaling`: of many worlds at one place, or as many of one. The
+  // first `obstacles` of them are of every world.
+  void loose_row(std::uint32_t worlds, std::uint32_t each, std::size_t obstacles,
+                 detect::BackendKind backend) {
     const bool cuda = backend == detect::BackendKind::cuda;
     std::vector<detect::FloatSphere> spheres(std::size_t(worlds) * each);
     std::vector<std::uint32_t> world(spheres.size());
@@ -195,6 +197,7 @@ class Table {
     const auto at = [&] { return static_cast<float>(edge * random.unit()); };
     for (std::size_t k = 0; k < spheres.size(); k++)
       spheres[k] = {at(), at(), at(), 1}, world[k] = static_cast<std::uint32_t>(k % worlds);
+    std::fill_n(world.begin(), obstacles, detect::kEveryWorld);
     const DeviceSpheres on_device(spheres, cuda);
     detect::Input input = on_device.input();
     DeviceArray worlds_on_device;
@@ -210,7 +213,8 @@ class Table {
     for (int k = 0; k < 3; k++) detect_watched(d, input);
     const double t =
         median_seconds(std::max(settings_.repeat, cuda ? 21 : 5), [&] { detect_watched(d, input); });
-    add("loose spheres", each, "list", worlds, detect_watched(d, input).count, cuda ? "cuda" : "omp", t);
+    add(obstacles ? "loose spheres, some of every world" : "loose spheres", each, "list", worlds,
+        detect_watched(d, input).count, cuda ? "cuda" : "omp", t);
   }
 
   Json rows = Json::array();
@@ -297,8 +301,9 @@ Json worlds(const Settings& s) {
   t.rows_of(pairs_of_bodies(count(8192)), true);
   t.rows_of(arm(s, count(100000)), false);
   for (const detect::BackendKind backend : backends(s))
-    for (const std::uint32_t of_world : {100u, 10000u, 1000000u})
-      t.loose_row(1000000 / of_world, of_world, backend);
+    for (const auto& [of_world, obstacles] :
+         {std::pair(100u, 0u), {10000u, 0u}, {1000000u, 0u}, {100u, 10u}, {10000u, 1000u}})
+      t.loose_row(1000000 / of_world, of_world, obstacles, backend);
   return {{"bench", "worlds"},    {"machine", machine()}, {"device", device_name()},
           {"threads", s.threads}, {"rows", t.rows},       {"table", t.table}};
 }

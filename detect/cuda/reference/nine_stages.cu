@@ -6,26 +6,10 @@
 #include <cub/device/device_scan.cuh>
 #include <cub/device/device_select.cuh>
 
-#include "detect/cuda/device/blocks.h"
+#include "detect/cuda/device/each.h"
 
 namespace padder::detect::cuda {
 namespace {
-
-constexpr int kThreads = 128;
-
-// A grid-stride loop: counts here may pass 2^32.
-template <class F>
-__global__ void __launch_bounds__(kThreads) each_kernel(std::uint64_t n, F f) {
-  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < n;
-       k += std::uint64_t(gridDim.x) * kThreads)
-    f(k);
-}
-template <class F>
-void each(std::uint64_t n, cudaStream_t stream, const char* what, F f) {
-  if (n == 0) return;
-  each_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(n, f);
-  cuda_launched(what);
-}
 
 std::uint64_t value_at(const std::uint64_t* p, cudaStream_t stream) {
   std::uint64_t v = 0;

@@ -1,54 +1,19 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/worlds/world_scene.h"
 
-#include <cub/block/block_radix_sort.cuh>
 #include <cub/device/device_radix_sort.cuh>
 
 #include "detect/core/input.h"
-#include "detect/cuda/device/blocks.h"
+#include "detect/cuda/device/each.h"
+#include "detect/cuda/worlds/curve.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 constexpr int kThreads = 256;
 // A world of more elements is sorted along the curve in every call; a smaller one, and kEveryWorld, when its
-// revision is new.
+// revision is new, or for a list of stable order.
 constexpr std::uint32_t kLargeWorld = 4096;
-
-template <class F>
-__global__ void __launch_bounds__(kThreads) each_kernel(std::uint32_t n, F f) {
-  for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < n;
-       k += std::uint64_t(gridDim.x) * kThreads)
-    f(static_cast<std::uint32_t>(k));
-}
-template <class F>
-void each(std::uint32_t n, cudaStream_t stream, const char* what, F f) {
-  if (n == 0) return;
-  each_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(n, f);
-  cuda_launched(what);
-}
-
-// The part of space that the curve resolves, from two quantiles of some of the centres.
-constexpr int kSample = 1024;
-__global__ void __launch_bounds__(kSample) curve_box_kernel(WorldScene scene, CurveBox* out) {
-  using Sort = cub::BlockRadixSort<double, kSample, 1>;
-  __shared__ typename Sort::TempStorage room;
-  __shared__ double low, high;
-  const std::uint32_t n = min(scene.count, static_cast<std::uint32_t>(kSample)), t = threadIdx.x;
-  Sphere s{};
-  if (t < n) s = scene.ball_given(static_cast<std::uint32_t>(std::uint64_t(t) * scene.count / n));
-  CurveBox box;
-  for (int axis = 0; axis < 3; axis++) {
-    double key[1] = {t < n ? axis == 0 ? s.x : axis == 1 ? s.y : s.z : INFINITY};
-    __syncthreads();
-    Sort(room).Sort(key);
-    if (t == n / 64) low = key[0];
-    if (t == n - 1 - n / 64) high = key[0];
-    __syncthreads();
-    set_axis(box, axis, low, high);
-  }
-  if (t == 0) *out = box;
-}
 
 // The index of the first of worlds[0 .. n) that is `world` or more.
 __device__ std::uint32_t first_of(const std::uint32_t* worlds, std::uint32_t n, std::uint64_t world) {
@@ -117,23 +82,21 @@ __global__ void __launch_bounds__(kThreads) place_kernel(WorldScene scene, std::
 // A device lambda may not stand in a private member function, so these are functions of their own.
 // `from` null: the elements as they are given.
 void copy_order(std::uint32_t n, const std::uint32_t* from, std::uint32_t* to, cudaStream_t stream) {
-  each(n, stream, "number the elements", [=] __device__(std::uint32_t k) { to[k] = from ? from[k] : k; });
+  each(n, stream, "number the elements", [=] __device__(std::uint64_t k) { to[k] = from ? from[k] : k; });
 }
-void put_on_curve(const WorldScene& scene, CurveBox* box, std::uint64_t* curve, cudaStream_t stream) {
-  curve_box_kernel<<<1, kSample, 0, stream>>>(scene, box);
-  cuda_launched("look where the elements are");
-  each(scene.count, stream, "place the elements on the curve",
-       [=] __device__(std::uint32_t k) { curve[k] = place_on_curve(*box, scene.ball_given(k)); });
+void curve_of(const WorldScene& scene, CurveBox* box, std::uint64_t* curve, cudaStream_t stream) {
+  put_on_curve(
+      scene.count, [=] __device__(std::uint32_t k) { return scene.ball_given(k); }, box, curve, stream);
 }
 void read_worlds(const WorldScene& scene, const std::uint32_t* order, std::uint32_t* worlds,
                  cudaStream_t stream) {
   each(scene.count, stream, "read the worlds",
-       [=] __device__(std::uint32_t k) { worlds[k] = scene.world_given(order[k]); });
+       [=] __device__(std::uint64_t k) { worlds[k] = scene.world_given(order[k]); });
 }
 // What of the elements does not change from call to call of a revision.
 void fill_elements(const WorldScene& scene, cudaStream_t stream) {
   const std::uint32_t n = scene.count;
-  each(n, stream, "read the elements", [=] __device__(std::uint32_t k) {
+  each(n, stream, "read the elements", [=] __device__(std::uint64_t k) {
     WorldElement& out = scene.elements[k];
     const Element e = scene.given(scene.order[k]);
     const std::uint32_t world = scene.worlds[k], end = first_of(scene.worlds, n, world + std::uint64_t(1));
@@ -149,9 +112,9 @@ void fill_elements(const WorldScene& scene, cudaStream_t stream) {
     if (k == 0) scene.report->every_first = first_of(scene.worlds, n, kEveryWorld);
   });
   // The filter of a loose sphere may change, so that it counts as a partner. 64 are looked at at most.
-  each(n, stream, "find the partners", [=] __device__(std::uint32_t k) {
+  each(n, stream, "find the partners", [=] __device__(std::uint64_t k) {
     WorldElement& e = scene.elements[k];
-    const std::uint32_t last = min(e.world_end, k + 1 + kSmallWorld);
+    const std::uint32_t last = min(e.world_end, static_cast<std::uint32_t>(k) + 1 + kSmallWorld);
     e.partners = k + 1;
     while (e.body != kLoose && e.partners < last && scene.elements[e.partners].body != kLoose &&
            !admitted(e.filter, scene.elements[e.partners].filter))
@@ -161,7 +124,9 @@ void fill_elements(const WorldScene& scene, cudaStream_t stream) {
 void build_tree(const WorldTree& tree, TreeBox* nodes, cudaStream_t stream) {
   for (std::uint32_t level = 1; level <= tree.levels; level++)
     each(tree.first[level + 1] - tree.first[level], stream, "build the tree of worlds",
-         [=] __device__(std::uint32_t k) { nodes[tree.first[level] + k] = box_of_node(tree, level, k); });
+         [=] __device__(std::uint64_t k) {
+           nodes[tree.first[level] + k] = box_of_node(tree, level, static_cast<std::uint32_t>(k));
+         });
 }
 
 }  // namespace
@@ -213,7 +178,7 @@ void WorldInput::sort(bool along_curve, cudaStream_t stream) {
   std::size_t bytes = 0;
   if (along_curve) {
     std::uint64_t *curve = curve_.reserve(n), *sorted = spare_curve_.reserve(n);
-    put_on_curve(scene_, curve_box_.reserve(1), curve, stream);
+    curve_of(scene_, curve_box_.reserve(1), curve, stream);
     const auto by_curve = [&](void* room) {
       cuda_check(cub::DeviceRadixSort::SortPairs(room, bytes, curve, sorted, spare, order, n, 0, 63, stream),
                  "sort the elements");
@@ -244,7 +209,8 @@ void WorldInput::order(bool along_curve, cudaStream_t stream) {
   scene_.tree.every_first = found_.every_first;
 }
 
-void WorldInput::read(const Input& input, std::uint32_t worlds, bool stances, cudaStream_t stream) {
+void WorldInput::read(const Input& input, std::uint32_t worlds, bool stances, bool reproducible,
+                      cudaStream_t stream) {
   const Spheres& s = input.spheres;
   const bool known = knows(input);
   const bool same_order =
@@ -268,7 +234,8 @@ void WorldInput::read(const Input& input, std::uint32_t worlds, bool stances, cu
       "begin");
   if (n == 0) return;
   if (!same_order) order(false, stream);
-  if (same_order ? found_.largest_own > kLargeWorld : found_.largest > kSmallWorld) order(true, stream);
+  if (same_order && !reproducible ? found_.largest_own > kLargeWorld : found_.largest > kSmallWorld)
+    order(true, stream);
   scene_.view.count = n;
   scene_.tree.balls = scene_.view.balls = balls_.reserve(n);
   scene_.near_balls = near_balls_.reserve(n);

@@ -63,11 +63,13 @@ class WorldInput {
 
   // Everything but the report is enqueued when it returns. Waits for the device if the order is new.
   // `worlds`: elements of a world that is not below it are reported. `stances`: whether they are wanted.
-  // Throws Error.
-  void read(const Input& input, std::uint32_t worlds, bool stances, cudaStream_t stream);
+  // `reproducible`: the order follows from this input alone. Throws Error.
+  void read(const Input& input, std::uint32_t worlds, bool stances, bool reproducible, cudaStream_t stream);
   bool knows(const Input& input) const {  // by its revision
     return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_;
   }
+  // Has the last call counted as many spheres?
+  bool counted(const Input& input) const { return knows(input) && input.spheres.count == known_loose_; }
   bool bodies_have_worlds() const { return bodies_have_worlds_; }  // of the revision that is known
   void keep(const Input& input) { revision_ = input.revision; }
   void forget() { revision_ = 0; }

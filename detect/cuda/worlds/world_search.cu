@@ -411,7 +411,7 @@ void WorldSearch::narrow_phase(const Call& call) {
 
 void WorldSearch::run(const Call& call, Contacts& contacts) {
   const cudaStream_t stream = call.stream;
-  input_.read(call.input, ~0u, true, stream);
+  input_.read(call.input, ~0u, true, call.options.order == Order::stable, stream);
   call.clock.mark(StageClock::kPlace);
   WorldTask task = task_of(call.options, call.processors);
   const std::uint32_t n = task.end = task.scene.count;
@@ -466,7 +466,7 @@ WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options,
   const auto begun = std::chrono::steady_clock::now();
   CallOptions o = options;
   o.width = Width::pairs;  // there are no records whose range could be too small
-  input_.read(input, worlds, false, stream);
+  input_.read(input, worlds, false, false, stream);
   WorldTask task = task_of(o, processors);
   task.end = task.scene.count ? task.scene.tree.every_first : 0;
   task.worlds = worlds;

@@ -38,6 +38,7 @@ class WorldSearch {
   WorldAnswers answer(const Input& input, const CallOptions& options, std::uint32_t worlds, Answer answer,
                       int processors, cudaStream_t stream);
   bool knows(const Input& input) const { return input_.knows(input); }
+  bool counted(const Input& input) const { return input_.counted(input); }
   bool bodies_have_worlds() const { return input_.bodies_have_worlds(); }
   void forget() { input_.forget(); }
 

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <utility>
 
-#include "detect/cuda/device/blocks.h"
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_select.cuh>
+
+#include "detect/cuda/device/each.h"
 #include "detect/cuda/input/bounds.h"
 
 namespace padder::detect::cuda {
@@ -12,35 +15,68 @@ namespace {
 
 constexpr int kThreads = 256;
 
-// Words of the bounds: minima of x, y, z, the radius and the world, then maxima of the same.
-constexpr int kValues = 5, kWords = 2 * kValues;
+// Words of the bounds: minima of x, y, z, the radius and the world, then maxima of the same, then how many
+// are of kEveryWorld.
+constexpr int kValues = 5, kWords = 2 * kValues + 1;
 
+__device__ __forceinline__ unsigned long long none_of(unsigned word) { return word < kValues ? ~0ull : 0; }
 __global__ void begin_kernel(unsigned long long* words) {
-  if (threadIdx.x < kWords) words[threadIdx.x] = threadIdx.x < kValues ? ~0ull : 0;
+  if (threadIdx.x < kWords) words[threadIdx.x] = none_of(threadIdx.x);
 }
 
 // A number that is none is no bound, but it is larger than all others.
 __global__ void __launch_bounds__(kThreads) bounds_kernel(DeviceSpheres source, unsigned long long* words) {
   unsigned long long low[kValues], high[kValues];
+  unsigned long long every = 0;
+  __shared__ unsigned long long of_block[kWords];
+  if (threadIdx.x < kWords) of_block[threadIdx.x] = none_of(threadIdx.x);
+  __syncthreads();
   for (int c = 0; c < kValues; c++) low[c] = ~0ull, high[c] = 0;
   for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < source.count;
        k += std::uint64_t(gridDim.x) * kThreads) {
     const auto number = static_cast<std::uint32_t>(k);
     const Sphere s = source.sphere(number);
-    const unsigned long long v[kValues] = {ordered(s.x), ordered(s.y), ordered(s.z), ordered(s.r),
-                                           source.world_of(number)};
-    for (int c = 0; c < kValues; c++) low[c] = min(low[c], v[c]), high[c] = max(high[c], v[c]);
+    const std::uint32_t world = source.world_of(number);
+    const bool is_every = world == kEveryWorld;
+    const unsigned long long v[kValues] = {ordered(s.x), ordered(s.y), ordered(s.z), ordered(s.r), world};
+    every += is_every;
+    for (int c = 0; c < kValues; c++)
+      low[c] = min(low[c], v[c]), high[c] = max(high[c], c == kValues - 1 && is_every ? 0 : v[c]);
   }
+  const bool first_lane = (threadIdx.x & 31) == 0;
   for (int c = 0; c < kValues; c++) {
     for (int d = 16; d; d >>= 1)
       low[c] = min(low[c], __shfl_xor_sync(~0u, low[c], d)),
       high[c] = max(high[c], __shfl_xor_sync(~0u, high[c], d));
-    // All warps share these words. Reading a word first spares nearly every atomic operation on it.
-    if ((threadIdx.x & 31) == 0 && low[c] < *static_cast<volatile unsigned long long*>(words + c))
-      atomicMin(words + c, low[c]);
-    if ((threadIdx.x & 31) == 0 && high[c] > *static_cast<volatile unsigned long long*>(words + kValues + c))
-      atomicMax(words + kValues + c, high[c]);
+    if (first_lane) atomicMin(of_block + c, low[c]), atomicMax(of_block + kValues + c, high[c]);
   }
+  for (int d = 16; d; d >>= 1) every += __shfl_xor_sync(~0u, every, d);
+  if (first_lane) atomicAdd(of_block + 2 * kValues, every);
+  __syncthreads();
+  // All blocks share these words. Reading a word first spares nearly every atomic operation on it.
+  const unsigned word = threadIdx.x;
+  const auto now = [&] { return *static_cast<volatile unsigned long long*>(words + word); };
+  if (word < kValues) {
+    if (of_block[word] < now()) atomicMin(words + word, of_block[word]);
+  } else if (word < 2 * kValues) {
+    if (of_block[word] > now()) atomicMax(words + word, of_block[word]);
+  } else if (word < kWords && of_block[word]) {
+    atomicAdd(words + word, of_block[word]);
+  }
+}
+
+// Of each world its place among the distinct ones; sorted[n]: how many these are.
+void write_ranks(const std::uint32_t* worlds, std::uint32_t n, const std::uint32_t* sorted,
+                 std::uint32_t* ranks, cudaStream_t stream) {
+  each(n, stream, "rank the worlds", [=] __device__(std::uint64_t k) {
+    const std::uint32_t world = worlds[k];
+    std::uint32_t low = 0, high = sorted[n];
+    while (low < high) {
+      const std::uint32_t middle = low + (high - low) / 2;
+      sorted[middle] < world ? low = middle + 1 : high = middle;
+    }
+    ranks[k] = world == kEveryWorld ? kEveryWorld : low;
+  });
 }
 
 }  // namespace
@@ -48,6 +84,10 @@ __global__ void __launch_bounds__(kThreads) bounds_kernel(DeviceSpheres source, 
 WorldsApart::WorldsApart(MemoryBook& book)
     : input_(book),
       search_(book),
+      every_(book),
+      ranks_(book, "the ranks of worlds"),
+      sorted_worlds_(book, "the ranks of worlds"),
+      scratch_(book, "sorting"),
       words_(book, "the bounds of worlds"),
       host_words_(book, "the bounds of worlds", true) {}
 
@@ -64,7 +104,28 @@ WorldBounds WorldsApart::bounds(const DeviceSpheres& source, cudaStream_t stream
   b.radius_min = unordered(host[3]), b.radius_max = unordered(host[kValues + 3]);
   b.first_world = static_cast<std::uint32_t>(host[4]),
   b.last_world = static_cast<std::uint32_t>(host[kValues + 4]);
+  b.every = host[2 * kValues];
   return b;
+}
+
+// Replaces the numbers of worlds by their ranks. kEveryWorld stays.
+void WorldsApart::rank_worlds(DeviceSpheres& source, cudaStream_t stream) {
+  const std::uint32_t n = source.count;
+  std::uint32_t *const sorted = sorted_worlds_.reserve(n + std::uint64_t(1)), *const ranks =
+                                                                                  ranks_.reserve(n);
+  std::size_t bytes = 0;
+  const auto sort = [&](void* room) {
+    cuda_check(cub::DeviceRadixSort::SortKeys(room, bytes, source.world, ranks, n, 0, 32, stream),
+               "sort the worlds");
+  };
+  sort(nullptr), sort(scratch_.reserve(bytes));
+  const auto unique = [&](void* room) {
+    cuda_check(cub::DeviceSelect::Unique(room, bytes, ranks, sorted, sorted + n, n, stream),
+               "sort the worlds");
+  };
+  unique(nullptr), unique(scratch_.reserve(bytes));
+  write_ranks(source.world, n, sorted, ranks, stream);
+  source.world = ranks;
 }
 
 bool WorldsApart::lay_out(const WorldBounds& b, double margin, DeviceSpheres& source) {
@@ -79,15 +140,35 @@ bool WorldsApart::run(const Call& call, Contacts& contacts) {
   const Input& input = call.input;
   if (!input.bodies.empty() || input.around || !(call.options.own == Region{})) return false;
   DeviceSpheres source = input_.source(input, call.stream);
+  std::uint64_t every = 0;  // that meet others in another way
   if (input.spheres.world) {
-    const WorldBounds b = bounds(source, call.stream);
-    if (b.first_world != b.last_world && !lay_out(b, call.options.margin, source)) return false;
+    WorldBounds b = bounds(source, call.stream);
+    if (b.sparse(source.count)) rank_worlds(source, call.stream), b = bounds(source, call.stream);
+    if (b.many() && !lay_out(b, call.options.margin, source)) return false;
+    if (b.many()) every = b.every;
   }
   if (std::exchange(apart_, source.worlds_apart) != source.worlds_apart) search_.forget();
-  call.clock.mark(StageClock::kPlace);
   contacts.spheres = source.count;
-  search_.run(source, call, contacts);
+  if (every) every_.count(source, every, call.options.margin, call.stream);
+  call.clock.mark(StageClock::kPlace);
+  Call plain = call;
+  if (every) plain.history = nullptr;  // of a part of the list
+  search_.run(source, plain, contacts);
+  if (every) add_every(source, plain, contacts);
+  matched_ = every == 0;
   return true;
+}
+
+// The contacts with kEveryWorld, behind those that the search has found.
+void WorldsApart::add_every(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
+  const std::uint64_t count = every_.counted(call.stream), all = contacts.count + count;
+  if (all > call.list.capacity(call.options)) {  // what was there is lost where it grows
+    call.list.reserve(call.options, all + all / 8);
+    search_.run(source, call, contacts);
+  }
+  every_.write(call.list.output(call.options), contacts.count, call.stream);
+  contacts.count += count;
+  call.clock.mark(8);
 }
 
 }  // namespace padder::detect::cuda

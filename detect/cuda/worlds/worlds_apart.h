@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: MIT
 // Loose spheres of many worlds, without bodies: they are searched on the grid as if the worlds lay side by
-// side. Contacts are decided, and records written, by the spheres as they are given. Only .cu files include
-// this.
+// side, and those of kEveryWorld in a box of their own. Who meets these is found by a tree. Contacts are
+// decided, and records written, by the spheres as they are given. Only .cu files include this.
 #pragma once
 #include "detect/cuda/call/sphere_search.h"
 #include "detect/cuda/device/report.h"
 #include "detect/cuda/input/input_copy.h"
+#include "detect/cuda/worlds/every_world.h"
 
 namespace padder::detect::cuda {
 
@@ -14,19 +15,27 @@ class WorldsApart {
   explicit WorldsApart(MemoryBook& book);
 
   // All contacts into call.list; their number and that of the spheres to `contacts`. False, and nothing was
-  // searched: there are bodies, a region or some spheres of kEveryWorld, or the worlds would take so much
-  // space that float could not tell their spheres apart. Waits once more for the device than without worlds.
-  // Throws Error.
+  // searched: there are bodies or a region, or the worlds would take so much space that float could not tell
+  // their spheres apart. Waits once more for the device than without worlds, and once more each where there
+  // are spheres of kEveryWorld and where the numbers of worlds have wide gaps. Throws Error.
   bool run(const Call& call, Contacts& contacts);
+  // Did the last run() match the list with its history, where one is asked for?
+  bool matched() const { return matched_; }
   void forget() { search_.forget(); }
 
  private:
   WorldBounds bounds(const DeviceSpheres& source, cudaStream_t stream);
+  void rank_worlds(DeviceSpheres& source, cudaStream_t stream);
+  void add_every(const DeviceSpheres& source, const Call& call, Contacts& contacts);
   static bool lay_out(const WorldBounds& bounds, double margin, DeviceSpheres& source);
 
   InputCopy input_;
   SphereSearch search_;
+  EveryWorld every_;
   bool apart_ = false;  // in the last call; false: all were of one world
+  bool matched_ = true;
+  Buffer<std::uint32_t> ranks_, sorted_worlds_;
+  Buffer<unsigned char> scratch_;
   Report report_;
   Buffer<unsigned long long> words_, host_words_;
 };

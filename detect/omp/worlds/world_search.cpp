@@ -12,23 +12,6 @@ namespace {
 
 constexpr std::uint32_t kPartElements = 64;
 
-// Along which part of space the curve runs: from quantiles of some of the centres.
-CurveBox curve_box(const Sphere* balls, std::uint32_t count) {
-  constexpr std::uint32_t kSample = 1024;
-  const std::uint32_t n = std::min(count, kSample);
-  std::vector<double> at[3];
-  for (std::uint32_t k = 0; k < n; k++) {
-    const Sphere& s = balls[std::uint64_t(k) * count / n];
-    at[0].push_back(s.x), at[1].push_back(s.y), at[2].push_back(s.z);
-  }
-  CurveBox box;
-  for (int c = 0; c < 3; c++) {
-    std::sort(at[c].begin(), at[c].end());
-    set_axis(box, c, at[c][n / 64], at[c][n - 1 - n / 64]);
-  }
-  return box;
-}
-
 }  // namespace
 
 // The spheres of an element that may be near another one, placed.
@@ -48,7 +31,7 @@ WorldSearch::WorldSearch(Budget& b)
       world_end_(b),
       order_(b),
       curve_(b),
-      nodes_(b),
+      tree_(b),
       hits_(b, "contacts"),
       any_(b),
       count_(b),
@@ -78,7 +61,7 @@ void WorldSearch::read_elements(const Input& input, int threads) {
   Element* elements = elements_given_.resize(all, "pieces of bodies");
   Sphere* balls = balls_given_.resize(all, "the balls about bodies");
   std::uint32_t* worlds = worlds_given_.resize(all, "worlds");
-  tree_.count = all;
+  elements_in_all_ = all;
 #pragma omp parallel for schedule(static) num_threads(threads)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(bodies_.size()); k++) {
     const Body& body = bodies_[static_cast<std::size_t>(k)];
@@ -107,7 +90,7 @@ void WorldSearch::check_elements(const Input& input, const CallOptions& options)
   const auto check = [&](std::uint64_t k, const Sphere& s) {
     if (fault_of(s) != Fault::none && k < fault) fault = k, faulty = s;
   };
-  for (std::uint32_t k = 0; k < tree_.count; k++) {
+  for (std::uint32_t k = 0; k < elements_in_all_; k++) {
     const Element& e = elements_given_[k];
     Sphere& ball = balls_given_[k];
     if (e.body == kLoose) {
@@ -129,7 +112,7 @@ void WorldSearch::check_elements(const Input& input, const CallOptions& options)
 
 // The place of each element that is given, on a curve through all of them.
 void WorldSearch::place_on_curve_all(int threads) {
-  const std::uint32_t n = tree_.count;
+  const std::uint32_t n = elements_in_all_;
   std::uint64_t* curve = curve_.resize(n, "sorting");
   const CurveBox box = curve_box(balls_given_.data(), n);
 #pragma omp parallel for schedule(static) num_threads(threads)
@@ -139,7 +122,7 @@ void WorldSearch::place_on_curve_all(int threads) {
 
 // Orders the elements by world, and those of large worlds along a curve.
 void WorldSearch::order(int threads) {
-  const std::uint32_t n = tree_.count;
+  const std::uint32_t n = elements_in_all_;
   std::uint32_t *order = order_.resize(n, "sorting"), *worlds = worlds_.resize(n, "worlds"),
                 *end = world_end_.resize(n, "worlds");
   const std::uint32_t* given = worlds_given_.data();
@@ -150,10 +133,8 @@ void WorldSearch::order(int threads) {
     worlds[k] = given[order[k]];
     end[k] = k + 1 < n && worlds[k + 1] == worlds[k] ? end[k + 1] : k + 1;
   }
-  std::uint32_t largest = 0;  // but for kEveryWorld
   bool placed = false;
   for (std::uint32_t first = 0; first < n; first = end[first]) {
-    if (worlds[first] != kEveryWorld) largest = std::max(largest, end[first] - first);
     if (end[first] - first <= kSmallWorld) continue;
     if (!placed) place_on_curve_all(threads), placed = true;
     const std::uint64_t* curve = curve_.data();
@@ -161,12 +142,11 @@ void WorldSearch::order(int threads) {
       return curve[a] != curve[b] ? curve[a] < curve[b] : a < b;
     });
   }
-  tree_.every_first = static_cast<std::uint32_t>(std::lower_bound(worlds, worlds + n, kEveryWorld) - worlds);
-  tree_.base = base_of(largest, tree_.every_first);
+  every_first_ = static_cast<std::uint32_t>(std::lower_bound(worlds, worlds + n, kEveryWorld) - worlds);
 }
 
-void WorldSearch::build_tree(int threads) {
-  const std::uint32_t n = tree_.count;
+void WorldSearch::place_in_order(int threads) {
+  const std::uint32_t n = elements_in_all_;
   Element* elements = elements_.resize(n, "pieces of bodies");
   Sphere* balls = balls_.resize(n, "the balls about bodies");
   Filter* filters = filters_.resize(n, "families and masks");
@@ -178,22 +158,14 @@ void WorldSearch::build_tree(int threads) {
     balls[k] = balls_given_[from];
     filters[k] = e.body == kLoose ? filter_at(s, e.piece) : filter_of(bodies_[e.body], e.body);
   }
-  const std::uint32_t all = lay_out(tree_, n, tree_.base);
-  TreeBox* nodes = nodes_.resize(all, "the tree of worlds");
-  tree_.balls = balls, tree_.nodes = nodes;
-  for (std::uint32_t level = 1; level <= tree_.levels; level++) {
-    const std::uint32_t first = tree_.first[level], count = tree_.first[level + 1] - first;
-#pragma omp parallel for schedule(static) num_threads(threads)
-    for (std::int64_t k = 0; k < static_cast<std::int64_t>(count); k++)
-      nodes[first + static_cast<std::uint32_t>(k)] = box_of_node(tree_, level, static_cast<std::uint32_t>(k));
-  }
+  tree_.build(balls, n, threads);
 }
 
 void WorldSearch::read(const Input& input, const CallOptions& options, int threads) {
   read_elements(input, threads);
   check_elements(input, options);
   order(threads);
-  build_tree(threads);
+  place_in_order(threads);
 }
 
 // Parts of the elements before `end`, none of them of two worlds.
@@ -248,22 +220,18 @@ template <class Found>
 bool WorldSearch::search(std::uint32_t e, const CallOptions& options, const double& reach,
                          Found found) const {
   Spheres64 of_a, of_b;
-  TreeWalk walks[2] = {{e + 1, world_end_[e]},
-                       {tree_.every_first, worlds_[e] == kEveryWorld ? 0 : tree_.count}};
   TreeBox box = box_of(balls_[e], reach);
   double reach_of_box = reach;
-  for (TreeWalk& walk : walks)
-    for (;;) {
-      if (reach < reach_of_box) box = box_of(balls_[e], reach_of_box = reach);
-      const TreeWalk::Run run = walk.next(
-          tree_, [&](const TreeBox& node, std::uint32_t, std::uint32_t) { return overlap(box, node); });
-      if (run.first == run.end) break;
-      for (std::uint32_t k = run.first; k < run.end; k++) {
-        if (!near_each_other(balls_[e], balls_[k], reach) || !admitted(filters_[e], filters_[k])) continue;
-        if (!test_pair(e, k, options, reach, of_a, of_b, found)) return false;
-      }
-    }
-  return true;
+  bool goes_on = true;
+  const auto test = [&](std::uint32_t k) {
+    if (!near_each_other(balls_[e], balls_[k], reach) || !admitted(filters_[e], filters_[k])) return true;
+    goes_on = test_pair(e, k, options, reach, of_a, of_b, found);
+    if (reach < reach_of_box) box = box_of(balls_[e], reach_of_box = reach);
+    return goes_on;
+  };
+  tree_->visit(box, e + 1, world_end_[e], test);
+  if (goes_on && worlds_[e] != kEveryWorld) tree_->visit(box, every_first_, elements_in_all_, test);
+  return goes_on;
 }
 
 void WorldSearch::write(const CallOptions& options, int threads, Records& records) {
@@ -280,7 +248,7 @@ void WorldSearch::run(const Input& input, const CallOptions& options, int thread
                       Seconds& seconds) {
   Stopwatch watch;
   read(input, options, threads);
-  make_parts(tree_.count);
+  make_parts(elements_in_all_);
   seconds.place = watch.lap();
   hits_.fill(parts_.size(), threads, [&](std::uint64_t part, List<Hit>& list) {
     for (std::uint32_t e = parts_[part].first; e < parts_[part].end; e++)
@@ -311,7 +279,7 @@ WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options,
   CallOptions o = options;
   o.width = Width::pairs;  // there are no records whose range could be too small
   read(input, o, threads);
-  make_parts(tree_.every_first);
+  make_parts(every_first_);
   const auto begin = [&](auto& list, Answer of, auto none) {
     if (answer == of) std::fill_n(list.resize(worlds, "the answers"), worlds, none);
   };

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 // Scenes of many worlds, with or without a margin, on the CPU. Elements (pieces of bodies and loose spheres)
-// are ordered by world, a tree finds those that are near each other (world_tree.h), and then their spheres
-// are tested. Internal.
+// are ordered by world, a tree finds those that are near each other (detect/core/wide_tree.h), and then their
+// spheres are tested. Internal.
 #pragma once
 #include "detect/core/bodies/pieces.h"
-#include "detect/core/world_tree.h"
 #include "detect/omp/parts.h"
+#include "detect/omp/worlds/sphere_tree.h"
 
 namespace padder::detect::omp {
 
@@ -42,7 +42,7 @@ class WorldSearch {
   void read_elements(const Input& input, int threads);
   void order(int threads);
   void place_on_curve_all(int threads);
-  void build_tree(int threads);
+  void place_in_order(int threads);
   void make_parts(std::uint32_t end);
   void check_worlds(const Input& input, std::uint32_t worlds) const;
   void check_elements(const Input& input, const CallOptions& options) const;
@@ -76,8 +76,8 @@ class WorldSearch {
   Buffer<std::uint32_t> world_end_;  // the end of the element's world
   Buffer<std::uint32_t> order_;      // what is given, in the order of the tree
   Buffer<std::uint64_t> curve_;
-  Buffer<TreeBox> nodes_;
-  WorldTree tree_;
+  SphereTree tree_;
+  std::uint32_t elements_in_all_ = 0, every_first_ = 0;  // elements; the first of kEveryWorld
   std::vector<Part> parts_;
   PartLists<Hit> hits_;
   Buffer<std::uint8_t> any_;

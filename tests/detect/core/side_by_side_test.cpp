@@ -26,9 +26,10 @@ TEST(SideBySide, SpheresOfOneWorldKeepTheirDistanceAndThoseOfTwoAreFarApart) {
       b.low[c] = size * (random() % 2 ? 1e6 : 1) * (unit(random) - 0.5);
       b.high[c] = b.low[c] + (random() % 4 ? size * unit(random) : 0);
     }
-    b.radius_min = 0, b.radius_max = size * unit(random) * (random() % 2 ? 1e-4 : 1) + 1e-12;
+    b.radius_min = 0, b.radius_max = size * (0.01 + unit(random)) * (random() % 2 ? 1e-3 : 1);
     b.first_world = static_cast<std::uint32_t>(random() % 1000);
     b.last_world = b.first_world + static_cast<std::uint32_t>(random() % (random() % 2 ? 5 : 100000));
+    b.every = random() % 2;
     const double margin = random() % 2 ? 0 : size * unit(random);
     SideBySide boxes;
     double extent = 0;
@@ -40,15 +41,17 @@ TEST(SideBySide, SpheresOfOneWorldKeepTheirDistanceAndThoseOfTwoAreFarApart) {
       return Sphere{at(0), at(1), at(2), b.radius_max * (random() % 2 ? 1 : unit(random))};
     };
     const auto world = [&] {
+      if (b.every && random() % 4 == 0) return kEveryWorld;
       return b.first_world + static_cast<std::uint32_t>(random() % (b.last_world - b.first_world + 1));
     };
     for (int k = 0; k < 100; k++) {
       const Sphere p = sphere(), q = sphere();
       const std::uint32_t w = world(), v = random() % 2 ? world() : w + (w < b.last_world);
+      const bool same = v == w || !b.many();
       const Sphere moved = boxes.moved(p, w);
       for (const double x : {moved.x, moved.y, moved.z}) EXPECT_LE(std::abs(x), extent);
       EXPECT_NEAR(gap(moved, boxes.moved(q, w)), gap(p, q), 0x1p-50 * extent + 0x1p-50 * std::abs(gap(p, q)));
-      if (v != w) EXPECT_GT(gap(moved, boxes.moved(q, v)), margin + 0.4 * b.radius_max);
+      if (!same) EXPECT_GT(gap(moved, boxes.moved(q, v)), margin + 0.4 * b.radius_max);
     }
   }
 }
@@ -63,8 +66,10 @@ TEST(SideBySide, WhatHasNoPlaceIsRefused) {
     change(b);
     return !lay_side_by_side(b, 100, 0, boxes, extent);
   };
-  EXPECT_TRUE(refused([](WorldBounds& b) { b.last_world = kEveryWorld; }));
-  EXPECT_TRUE(refused([](WorldBounds& b) { b.first_world = 0, b.last_world = kEveryWorld; }));
+  EXPECT_TRUE(refused([](WorldBounds& b) { b.last_world = kEveryWorld - 1; }));
+  EXPECT_TRUE(
+      refused([](WorldBounds& b) { b.first_world = 0, b.last_world = kEveryWorld - 1, b.every = 1; }));
+  EXPECT_FALSE(refused([](WorldBounds& b) { b.first_world = kEveryWorld, b.last_world = 0, b.every = 100; }));
   EXPECT_TRUE(refused([](WorldBounds& b) { b.last_world = 1000; }));
   EXPECT_TRUE(refused([](WorldBounds& b) { b.high[1] = NAN; }));
   EXPECT_TRUE(refused([](WorldBounds& b) { b.low[2] = -INFINITY; }));

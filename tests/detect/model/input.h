@@ -58,7 +58,12 @@ class ModelInput {
   Input input;
 
   ModelInput(const ModelWorld& w, const ModelForm& form, Dice dice)
-      : bodies_(w.bodies), shapes_(w.shapes), family_(w.family), mask_(w.mask), still_(w.still) {
+      : bodies_(w.bodies),
+        shapes_(w.shapes),
+        family_(w.family),
+        mask_(w.mask),
+        world_(w.world),
+        still_(w.still) {
     if (form.scalar == Scalar::f32)
       fill(f32_, w.loose, form);
     else
@@ -98,7 +103,8 @@ class ModelInput {
     Spheres& s = input.spheres;
     s = form_.scalar == Scalar::f32 ? arranged(f32_) : arranged(f64_);
     s.memory = form_.memory;
-    s.family = placed(family_), s.mask = placed(mask_), s.is_static = placed(still_);
+    s.family = placed(family_), s.mask = placed(mask_), s.world = placed(world_),
+    s.is_static = placed(still_);
     input.shapes = given_shapes_, input.bodies = bodies_;
     input.revision = revision, input.moved = moved_;
     if (with_poses_ && !poses_.empty()) {
@@ -175,7 +181,7 @@ class ModelInput {
   std::vector<Pose> poses_;
   std::vector<std::vector<Sphere>> shapes_;
   std::vector<Shape> given_shapes_;
-  std::vector<std::uint32_t> family_, mask_, moved_;
+  std::vector<std::uint32_t> family_, mask_, world_, moved_;
   std::vector<std::uint8_t> still_;
   std::vector<DeviceCopy> device_;
 };

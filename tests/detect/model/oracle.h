@@ -21,7 +21,8 @@ class ModelOracle {
     for (int k = 0; k < 3; k++) bounded_ |= own.low[k] > -INFINITY || own.high[k] < INFINITY;
   }
 
-  // By i, then j. False: there are more than `most`.
+  // By i, then j. False: there are more than `most`, or kExcluded times as many spheres touch that are of two
+  // worlds or may not meet for another reason.
   bool contacts(std::vector<Pair>& pairs, std::uint64_t most, std::size_t few = 300) {
     const std::size_t n = spheres_.size();
     pairs.clear();
@@ -38,6 +39,8 @@ class ModelOracle {
   }
 
  private:
+  static constexpr std::uint64_t kExcluded = 30;
+
   struct Box {
     double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
   };
@@ -46,10 +49,13 @@ class ModelOracle {
     std::uint32_t first = 0, end = 0, child = 0;  // child: the first of two; 0: a leaf
   };
 
-  void add(std::uint32_t i, std::uint32_t j, std::vector<Pair>& to) const {
-    if (!oracle_touching(spheres_[i].sphere, spheres_[j].sphere) || !oracle_meets(spheres_[i], spheres_[j]))
-      return;
-    if (!bounded_ || owns(own_, midpoint(spheres_[i].sphere, spheres_[j].sphere))) to.push_back({i, j});
+  // Do they touch, whether they may meet or not?
+  bool add(std::uint32_t i, std::uint32_t j, std::vector<Pair>& to) const {
+    if (!oracle_touching(spheres_[i].sphere, spheres_[j].sphere)) return false;
+    if (oracle_meets(spheres_[i], spheres_[j]) &&
+        (!bounded_ || owns(own_, midpoint(spheres_[i].sphere, spheres_[j].sphere))))
+      to.push_back({i, j});
+    return true;
   }
   // Wider than the sphere by far more than what the decision rounds.
   static Box box_of(const Sphere& s) {
@@ -94,7 +100,9 @@ class ModelOracle {
     build(child, first, middle);
     build(child + 1, middle, end);
   }
-  void look(std::uint32_t i, std::vector<Pair>& to) const {
+  // Returns how many touch.
+  std::uint64_t look(std::uint32_t i, std::vector<Pair>& to) const {
+    std::uint64_t touch = 0;
     const Box mine = box_of(spheres_[i].sphere);
     const std::size_t begin = to.size();
     std::uint32_t stack[128], depth = 0;
@@ -106,22 +114,23 @@ class ModelOracle {
         stack[depth++] = n.child, stack[depth++] = n.child + 1;
       else
         for (std::uint32_t q = n.first; q < n.end; q++)
-          if (order_[q] > i) add(i, order_[q], to);
+          if (order_[q] > i) touch += add(i, order_[q], to);
     }
     std::sort(to.begin() + static_cast<std::ptrdiff_t>(begin), to.end(),
               [](const Pair& a, const Pair& b) { return a.j < b.j; });
+    return touch;
   }
   bool search(std::vector<Pair>& pairs, std::uint64_t most) const {
     const auto n = static_cast<std::uint32_t>(spheres_.size());
     const unsigned workers = n < 20000 ? 1 : std::max(1u, std::thread::hardware_concurrency());
     std::vector<std::vector<Pair>> found(workers);
-    std::atomic<std::uint64_t> total{0};
+    std::atomic<std::uint64_t> total{0}, touch{0};
     const auto work = [&](unsigned w) {
       const auto first = static_cast<std::uint32_t>(std::uint64_t(n) * w / workers),
                  end = static_cast<std::uint32_t>(std::uint64_t(n) * (w + 1) / workers);
-      for (std::uint32_t i = first; i < end && total <= most; i++) {
+      for (std::uint32_t i = first; i < end && total <= most && touch / kExcluded <= most; i++) {
         const std::size_t before = found[w].size();
-        look(i, found[w]);
+        touch += look(i, found[w]);
         total += found[w].size() - before;
       }
     };
@@ -129,7 +138,7 @@ class ModelOracle {
     for (unsigned w = 1; w < workers; w++) threads.emplace_back(work, w);
     work(0);
     for (std::thread& t : threads) t.join();
-    if (total > most) return false;
+    if (total > most || touch / kExcluded > most) return false;
     for (const auto& f : found) pairs.insert(pairs.end(), f.begin(), f.end());
     return true;
   }

@@ -95,7 +95,8 @@ class Script {
     if (with_loose_)
       world_.strew(dice_, size_(dice_)), world_.attributes(dice_);
     else
-      world_.loose.clear(), world_.family.clear(), world_.mask.clear(), world_.still.clear();
+      world_.loose.clear(), world_.family.clear(), world_.mask.clear(), world_.world.clear(),
+          world_.still.clear();
     world_.bodies.clear();
     if (with_bodies_) world_.populate(dice_, 3000);
   }

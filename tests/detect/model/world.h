@@ -38,10 +38,11 @@ struct ModelWorld {
   enum class Places { everywhere, crowds, lattice, chain, one };
 
   std::vector<Sphere> loose;
-  std::vector<std::uint32_t> family, mask;  // of loose spheres: of each, or none
-  std::vector<std::uint8_t> still;          // likewise
+  std::vector<std::uint32_t> family, mask, world;  // of loose spheres: of each, or none
+  std::vector<std::uint8_t> still;                 // likewise
   std::vector<std::vector<Sphere>> shapes;
   std::vector<Body> bodies;
+  bool worlds_of_bodies = false;
   bool floats = true;  // coordinates and radii of loose spheres are floats
 
   // What new spheres are drawn from.
@@ -70,13 +71,13 @@ struct ModelWorld {
               m[6] * s.x + m[7] * s.y + m[8] * s.z + p[2], s.r},
              body.family,
              body.mask,
-             0,
+             body.world,
              static_cast<std::uint32_t>(b + 1),
              body.is_static});
     }
     for (std::size_t k = 0; k < loose.size(); k++)
-      all.push_back(
-          {loose[k], family.empty() ? 0 : family[k], mask.empty() ? 0 : mask[k], 0, 0, is_still(k)});
+      all.push_back({loose[k], family.empty() ? 0 : family[k], mask.empty() ? 0 : mask[k],
+                     world.empty() ? 0 : world[k], 0, is_still(k)});
     return all;
   }
 
@@ -178,7 +179,7 @@ struct ModelWorld {
     if (dice.chance(0.2)) center[0] = center[1] = center[2] = edge / 2;  // a corner at the origin
     loose.resize(n);
     for (std::size_t k = 0; k < n; k++) loose[k] = new_sphere(dice, k);
-    family.clear(), mask.clear(), still.clear();
+    family.clear(), mask.clear(), world.clear(), still.clear();
     tell("strew " + std::to_string(n) + " radii " + std::to_string(static_cast<int>(radii)) + " places " +
          std::to_string(static_cast<int>(places)) + " room " + std::to_string(room));
   }
@@ -191,6 +192,12 @@ struct ModelWorld {
     };
     fill(family, 0.4, [&] { return new_family(dice); });
     fill(mask, 0.3, [&] { return new_mask(dice); });
+    const std::uint64_t worlds = dice.of<std::uint64_t>({1, 2, 40, 5000});
+    const std::uint32_t step = dice.of({1u, 1u, 2u, 40'000'000u});
+    const double every = dice.of({0.0, 0.0, 0.02, 0.5});
+    fill(world, 0.2, [&] {
+      return dice.chance(every) ? kEveryWorld : static_cast<std::uint32_t>(dice.below(worlds)) * step;
+    });
     const double share = dice.of({0.0, 0.2, 0.8, 1.0});
     fill(still, 0.3, [&] { return static_cast<std::uint8_t>(dice.chance(share)); });
     tell("attributes");
@@ -214,6 +221,7 @@ struct ModelWorld {
     if (dice.chance(0.3)) b.family = new_family(dice);
     if (dice.chance(0.2)) b.mask = new_mask(dice);
     b.is_static = dice.chance(0.3);
+    if (worlds_of_bodies) b.world = dice.of({0u, 0u, 1u, 2u, kEveryWorld});
     bodies.push_back(b);
   }
   void populate(Dice& dice, std::size_t most) {
@@ -222,6 +230,7 @@ struct ModelWorld {
     bodies.clear();
     const std::size_t n = dice.of<std::size_t>({0, 1, 2, 5, 12, 30, 100, 400});
     const bool all_move = dice.chance(0.4);
+    worlds_of_bodies = dice.chance(0.15);
     for (std::size_t k = 0; k < n && body_spheres() < most; k++) {
       new_body(dice);
       if (all_move) bodies.back().is_static = false;
@@ -317,8 +326,8 @@ struct ModelWorld {
       if (!v.empty()) v.resize(n, 0);
     };
     const bool had = before > 0;
-    fit(family), fit(mask), fit(still);
-    if (!had || n == 0) family.clear(), mask.clear(), still.clear();
+    fit(family), fit(mask), fit(world), fit(still);
+    if (!had || n == 0) family.clear(), mask.clear(), world.clear(), still.clear();
     tell("loose to " + std::to_string(n));
   }
   template <class F>
