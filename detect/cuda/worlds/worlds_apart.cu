@@ -168,6 +168,8 @@ void WorldsApart::add_every(const DeviceSpheres& source, const Call& call, Conta
   }
   every_.write(call.list.output(call.options), contacts.count, call.stream);
   contacts.count += count;
+  // The caller may read the list on another stream.
+  cuda_check(cudaStreamSynchronize(call.stream), "write contacts with every world");
   call.clock.mark(8);
 }
 
