@@ -19,12 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-void append(Mesh& mesh, const Mesh& more) {
-  const auto first = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
-  for (const auto& t : more.triangles) mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-}
-
 Mesh box(const Vector& size) {
   Mesh mesh;
   for (int k = 0; k < 8; k++)
@@ -34,13 +28,23 @@ Mesh box(const Vector& size) {
   return mesh;
 }
 
-// A cylinder along z. Its polygon has the area of the circle, so that the mass is right.
-Mesh cylinder(double radius, double length, double chord_error) {
+// In how many chords of at most this error an arc of 2 `half_arc` is cut.
+std::uint32_t chords(double half_arc, double radius, double chord_error, double least, double most) {
   const double half = std::acos(std::clamp(1 - chord_error / radius, 0.0, 1.0));
-  const auto n =
-      static_cast<std::uint32_t>(std::clamp(std::ceil(std::numbers::pi / std::max(half, 1e-3)), 16.0, 512.0));
-  const double corner = 2 * std::numbers::pi / n;
-  const double r = radius * std::sqrt(corner / std::sin(corner));
+  return static_cast<std::uint32_t>(std::clamp(std::ceil(half_arc / std::max(half, 1e-3)), least, most));
+}
+
+// How far from the centre the corners of a polygon are that has the area of the circle, so that the mass is
+// right.
+double corner_radius(double radius, std::uint32_t corners) {
+  const double step = 2 * std::numbers::pi / corners;
+  return radius * std::sqrt(step / std::sin(step));
+}
+
+// A cylinder along z.
+Mesh cylinder(double radius, double length, double chord_error) {
+  const std::uint32_t n = chords(std::numbers::pi, radius, chord_error, 16, 512);
+  const double corner = 2 * std::numbers::pi / n, r = corner_radius(radius, n);
   Mesh mesh;
   for (std::uint32_t k = 0; k < n; k++)
     for (const double z : {-length / 2, length / 2})
@@ -57,12 +61,9 @@ Mesh cylinder(double radius, double length, double chord_error) {
 // A capsule along z: a cylinder whose ends are half spheres. Its lathe profile runs from the lower pole to
 // the upper one.
 Mesh capsule(double radius, double length, double chord_error) {
-  const double half = std::acos(std::clamp(1 - chord_error / radius, 0.0, 1.0));
-  const auto quarter = static_cast<std::uint32_t>(
-      std::clamp(std::ceil(std::numbers::pi / 4 / std::max(half, 1e-3)), 4.0, 128.0));
+  const std::uint32_t quarter = chords(std::numbers::pi / 4, radius, chord_error, 4, 128);
   const std::uint32_t around = 4 * quarter, rings = 2 * quarter;  // rings between the poles
-  const double corner = 2 * std::numbers::pi / around;
-  const double wide = radius * std::sqrt(corner / std::sin(corner));  // a polygon of the circle's area
+  const double wide = corner_radius(radius, around);
   Mesh mesh;
   for (std::uint32_t i = 0; i < rings; i++) {
     const bool upper = i >= quarter;  // the equator stands twice: at either end of the cylinder
@@ -150,7 +151,7 @@ Cluster spheres_of(const UrdfLink& link, const fs::path& urdf) {
   c.accuracy.coverage = 1;
   for (const UrdfShape& s : link.shapes) {
     c.centers.push_back(s.pose.translation()), c.radii.push_back(s.size.x()), c.triangle.push_back(-1);
-    c.bounds.add(c.centers.back() - s.size), c.bounds.add(c.centers.back() + s.size);
+    c.bounds.add_ball(c.centers.back(), c.radii.back());
   }
   if (c.size() == 1) {
     const double r = c.radii[0];
@@ -181,7 +182,7 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
   for (std::size_t k = 0; k < files.size(); k++) {
     const UrdfShape& s = link.shapes[k];
     if (s.type == UrdfShape::Type::mesh) {
-      append(all.mesh, placed(std::move(files[k].mesh), s));
+      all.mesh.add(placed(std::move(files[k].mesh), s));
       all.source.triangles += files[k].source.triangles;
     } else {
       const Mesh mesh = s.type == UrdfShape::Type::box        ? box(s.size)
@@ -189,7 +190,7 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
                         : s.type == UrdfShape::Type::capsule
                             ? capsule(s.size.x(), s.size.z(), chord_error / 4)
                             : ellipsoid(s.size);
-      append(all.mesh, placed(mesh, s));
+      all.mesh.add(placed(mesh, s));
       all.source.triangles += mesh.triangles.size();
     }
   }

@@ -19,6 +19,12 @@ double Mesh::area() const {
   return sum;
 }
 
+void Mesh::add(const Mesh& more) {
+  const auto first = static_cast<std::uint32_t>(points.size());
+  points.insert(points.end(), more.points.begin(), more.points.end());
+  for (const auto& t : more.triangles) triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+}
+
 MassProperties mass_properties(const Mesh& mesh) {
   MassProperties m;
   // Relative to the centre of the box: far from the origin the moments would lose their digits to

@@ -65,6 +65,7 @@ struct Mesh {
     points.insert(points.end(), corners.begin(), corners.end());
     triangles.push_back({first, first + 1, first + 2});
   }
+  void add(const Mesh& more);  // behind the triangles that are there, with points of its own
 };
 
 // The mass properties of the solid with density 1, in the mesh's frame and unit.

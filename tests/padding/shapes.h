@@ -103,10 +103,9 @@ inline Mesh square(double side, int n = 1) {
 inline Mesh stack(const Mesh& sheet, int copies, double height) {
   Mesh mesh;
   for (int k = 0; k < copies; k++) {
-    const auto first = static_cast<std::uint32_t>(mesh.points.size());
-    for (const Point& p : sheet.points) mesh.points.push_back(p + Vector(0, 0, height * k / copies));
-    for (const auto& t : sheet.triangles)
-      mesh.triangles.push_back({first + t[0], first + t[1], first + t[2]});
+    Mesh copy = sheet;
+    for (Point& p : copy.points) p.z() += height * k / copies;
+    mesh.add(copy);
   }
   return mesh;
 }
@@ -120,9 +119,7 @@ inline Mesh unit(Mesh mesh) {
 
 // The triangles of both.
 inline Mesh joined(Mesh mesh, const Mesh& more) {
-  const auto n = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), more.points.begin(), more.points.end());
-  for (const auto& [a, b, c] : more.triangles) mesh.triangles.push_back({a + n, b + n, c + n});
+  mesh.add(more);
   return mesh;
 }
 

@@ -80,10 +80,9 @@ View view_of(const PaddedRobot& robot, Places& places) {
       all.triangle.push_back(-1), family.push_back(c.family);
       all.bounds.add_ball(all.centers.back(), c.radii[s]);
     }
-    const auto first = static_cast<std::uint32_t>(mesh.points.size());
-    for (const Point& p : robot.meshes[k].points) mesh.points.push_back(poses[k] * p);
-    for (const auto& t : robot.meshes[k].triangles)
-      mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+    Mesh link = robot.meshes[k];
+    for (Point& p : link.points) p = poses[k] * p;
+    mesh.add(link);
   }
   View view = view_of(all, mesh);
   view.family = std::move(family);

@@ -165,9 +165,7 @@ TEST(CoverMesh, RefusesWhatItCannotCover) {
   Mesh open = cube;
   open.triangles.pop_back();
   EXPECT_NE(refusal(open, tolerance).find("open"), std::string::npos);
-  Mesh inside_out = cube;
-  for (auto& t : inside_out.triangles) std::swap(t[1], t[2]);
-  EXPECT_NE(refusal(inside_out, tolerance).find("outward"), std::string::npos);
+  EXPECT_NE(refusal(shapes::turned_over(cube), tolerance).find("outward"), std::string::npos);
   Mesh wrong = cube;
   wrong.triangles[3][1] = 99;
   EXPECT_NE(refusal(wrong, tolerance).find("triangle 3 names vertex 99"), std::string::npos);

@@ -50,19 +50,15 @@ class RandomMesh {
   }
 
   void place(bool lattice) {
-    const Mesh made = part();
+    Mesh made = part();
     const Eigen::Matrix3d turn = lattice ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : random_.rotation();
     const auto length = [&] { return lattice ? 0.5 * (1 + below(3)) : random_.uniform(0.3, 1.5); };
     const Vector size(length(), length(), chance(0.1) ? 1e-3 : length());
     const Point at = lattice ? Point(below(3), below(3), below(2)) : random_.point(1.2);
-    const auto first = static_cast<std::uint32_t>(mesh_.points.size());
-    for (const Point& p : made.points) mesh_.points.push_back(turn * p.cwiseProduct(size) + at);
+    for (Point& p : made.points) p = turn * p.cwiseProduct(size) + at;
     const bool inward = chance(0.1);
     if (inward) tell("inward");
-    for (auto t : made.triangles) {
-      if (inward) std::swap(t[1], t[2]);
-      mesh_.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-    }
+    mesh_.add(inward ? shapes::turned_over(std::move(made)) : made);
   }
 
   // Boxes that share walls, whose triangles face either way.
@@ -74,7 +70,7 @@ class RandomMesh {
     for (int k = 0; k < 8; k++) {
       if (other.uniform(0, 1) < 0.3) continue;
       const Point low(k % 2, k / 2 % 2, k / 4);
-      mesh_ = shapes::joined(mesh_, shapes::box(low, low + Vector(1, 1, 1)));
+      mesh_.add(shapes::box(low, low + Vector(1, 1, 1)));
       for (std::size_t v = mesh_.points.size() - 8; v < mesh_.points.size(); v++)
         mesh_.points[v] = turn * mesh_.points[v].cwiseProduct(size) + at;
     }

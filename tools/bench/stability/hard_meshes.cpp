@@ -12,15 +12,9 @@ namespace {
 using detect::SplitMix64;
 constexpr double kTurn = 2 * std::numbers::pi;
 
-void add(Mesh& mesh, const Mesh& other) {
-  const auto first = static_cast<std::uint32_t>(mesh.points.size());
-  mesh.points.insert(mesh.points.end(), other.points.begin(), other.points.end());
-  for (const auto& t : other.triangles) mesh.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
-}
-
 Mesh sum(const std::vector<Mesh>& parts) {
   Mesh all;
-  for (const Mesh& part : parts) add(all, part);
+  for (const Mesh& part : parts) all.add(part);
   return all;
 }
 
@@ -58,7 +52,7 @@ Mesh box(const Vector& size = Vector::Ones(), const Vector& low = Vector::Zero()
         p[axis] = side, p[(axis + 1) % 3] = u, p[(axis + 2) % 3] = v;
         return p;
       });
-      add(mesh, side ? face : turned(face));
+      mesh.add(side ? face : turned(face));
     }
   return moved(mesh, size, low);
 }
@@ -178,7 +172,7 @@ Mesh one_triangle(const Point& third) {
 Mesh cut_sides() {
   Mesh mesh = box();
   mesh.triangles.resize(mesh.triangles.size() - 2);
-  add(mesh, patch(7, 5, [](double u, double v) { return Point(u, v, 1); }));
+  mesh.add(patch(7, 5, [](double u, double v) { return Point(u, v, 1); }));
   return mesh;
 }
 
@@ -191,7 +185,7 @@ Mesh hairy_ball() {
         -Vector::UnitX(), Vector(std::cos(a) * std::cos(b), std::sin(a) * std::cos(b), std::sin(b)));
     Mesh hair = moved(spike(1, 1e-4), Vector::Ones(), Vector(-1.9, 0, 0));
     for (Point& p : hair.points) p = turn * p;
-    add(mesh, hair);
+    mesh.add(hair);
   }
   return mesh;
 }
