@@ -166,7 +166,7 @@ void declare_robot(CLI::App& app, PadArguments& a) {
       ->check(CLI::PositiveNumber);
   app.add_flag("--visual", a.robot.reading.visual,
                "of a robot: pad the visual geometry, not the collision geometry");
-  app.add_option("--package-path", a.package_folders,
+  app.add_option("--package-path", a.robot.reading.package_folders,
                  "of a robot: a folder where package:// is looked for first; may be given again")
       ->allow_extra_args(false)
       ->type_name("DIR");

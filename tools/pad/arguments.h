@@ -22,7 +22,7 @@ struct PadArguments {
   double scale = 1, density = ExportOptions().density;
   PadOptions options;
   RobotOptions robot;
-  std::vector<std::string> package_folders, joints;
+  std::vector<std::string> joints;
   double seconds = 3600;  // that one part of a manifest may take, or a call if given; 0: any time
   std::string memory;     // that a process may hold, as 2G; empty: the worker's portion
 

@@ -2,7 +2,6 @@
 #include "tools/pad/convert.h"
 
 #include <cstdio>
-#include <string_view>
 
 #include "padding/asset/error.h"
 #include "padding/import/import.h"

@@ -2,7 +2,6 @@
 #include "tools/pad/one_part.h"
 
 #include <algorithm>
-#include <cmath>
 #include <set>
 
 #include "padding/import/import.h"
@@ -23,8 +22,11 @@ using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 bool is_robot(const std::string& file) {
+  static std::map<std::string, bool> known;  // to tell, an .xml must be parsed
+  const auto [at, fresh] = known.try_emplace(file);
   const std::string ending = fs::path(file).extension().string();
-  return ending == ".urdf" || ending == ".xacro" || is_mjcf_to_pad(file);
+  if (fresh) at->second = ending == ".urdf" || ending == ".xacro" || is_mjcf_to_pad(file);
+  return at->second;
 }
 
 bool is_folder(const std::string& path) {
@@ -97,10 +99,7 @@ fs::path pairs_file(const std::string& input, const OutputFile& output) {
 
 std::shared_future<Urdf> robot_of(const std::string& file, const PadArguments& a) {
   return std::async(std::launch::deferred,
-                    [file, reading = a.robot.reading, folders = a.package_folders]() mutable {
-                      reading.package_folders.assign(folders.begin(), folders.end());
-                      return read_robot(file, reading);
-                    });
+                    [file, reading = a.robot.reading] { return read_robot(file, reading); });
 }
 
 std::vector<fs::path> further_inputs(const std::string& file, const std::shared_future<Urdf>& robot) {

@@ -205,9 +205,9 @@ int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   cli::refuse_options(app, {"--shard", "--workers", "--page"},
                       " is for a folder of meshes or a --manifest, and there is neither");
   check_robot_options(app, a.meshes);
-  for (const std::string& folder : a.package_folders)
+  for (const fs::path& folder : a.robot.reading.package_folders)
     if (std::error_code code; !fs::is_directory(folder, code))
-      throw UsageError("--package-path: there is no folder " + cli::in_quotes(folder));
+      throw UsageError("--package-path: there is no folder " + cli::in_quotes(folder.string()));
   // OMP_NUM_THREADS may ask for more than OpenMP's own stack holds.
   omp_set_num_threads(a.threads > 0 ? a.threads : std::min(omp_get_max_threads(), cli::kMostThreads));
   limit_memory(a.memory.empty() ? machine_memory() : cli::bytes_of(a.memory).value());
