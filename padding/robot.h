@@ -24,22 +24,21 @@ struct RobotOptions {
   // Of all links together: the smallest tolerance, the same length for all, that so many spheres can keep. 0:
   // no limit. Only without a tolerance, a count or a depth ratio for each link.
   std::uint64_t max_spheres = 0;
-  int poses =
-      10000;  // that are tried for pairs that never or always touch (padding/self_collision.h); 0: none
+  // Poses that are tried for pairs that never or always touch (padding/self_collision.h); 0: none.
+  int poses = 10000;
 };
 
 // Returns the shapes of a link as if they had been one mesh file, in the link's frame and in metres. Meshes
-// are scaled, and turned over where the scale mirrors them. glTF is turned from Y up to Z up.
-// Cylinders become polygons whose chords stay within a 400th of the link's diagonal. Throws Error as
-// read_mesh.
+// are scaled, and turned over where the scale mirrors them. glTF is turned from Y up to Z up. The chords of a
+// cylinder are within a 400th of the link's diagonal of its circle. Throws Error as read_mesh.
 ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf);
 
 // The shapes of a link are one body: repair unites meshes, boxes and cylinders that overlap. A link that has
-// only spheres keeps them as they are, unmeasured, and several spheres get no mass properties. `options`
-// holds for each link by itself, so a share is one of the link's own diagonal; family and mask in it are not
-// used. Links are padded side by side on all threads, with the same result for any number of them.
-// model.apart lists neighbours, and what self_collisions() finds. A step of `progress` is a link. Throws
-// Error with link and file in the sentence.
+// only spheres keeps them unmeasured, and several spheres get no mass properties. `options` holds for each
+// link by itself: a Length::share() is of the link's own diagonal. Its family and mask are not used. Links
+// are padded side by side on all threads, with the same result for any number of threads. model.apart lists
+// neighbours, and what self_collisions() finds. A step of `progress` is a link. Throws Error, which names
+// link and file.
 PaddedRobot pad_robot(const std::filesystem::path& file, Urdf robot, const PadOptions& options,
                       const RobotOptions& whole = {}, const PadProgress& progress = {});
 PaddedRobot pad_robot(const std::filesystem::path& file, const PadOptions& options,
