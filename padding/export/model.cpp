@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "padding/asset/error.h"
-
 namespace padder {
 namespace {
 

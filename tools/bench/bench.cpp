@@ -7,7 +7,6 @@
 #include "tools/cli.h"
 #include "tools/json_output.h"
 
-#include <chrono>
 #include <cstdio>
 #include <iostream>
 

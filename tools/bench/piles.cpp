@@ -2,7 +2,6 @@
 // Piles of padded bodies, from those that barely touch to those that are pressed into each other. The poses
 // lie in the GPU's memory and are a little different in each call, as in a simulation that runs there.
 #include <algorithm>
-#include <cmath>
 #include <memory>
 
 #include "detect/scene/scene.h"

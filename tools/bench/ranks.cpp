@@ -8,7 +8,6 @@
 
 #ifdef PADDER_MPI
 #include <mpi.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <chrono>

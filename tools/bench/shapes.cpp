@@ -3,7 +3,6 @@
 // Bodies::automatic decides. Each row once with a revision, poses on the GPU, and once with all read anew.
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"

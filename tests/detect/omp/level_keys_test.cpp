@@ -133,6 +133,16 @@ TEST(PeriodicLevels, FarSpheresOfOneBucketAreNotTakenForNeighbours) {
     }
 }
 
+// In float or in double, in turn.
+void expect_brute_force(const TestScene& scene, int round) {
+  const Scalar scalar = round % 2 ? Scalar::f32 : Scalar::f64;
+  const TestScene s = scalar == Scalar::f32 ? scene.rounded() : scene;
+  const Arranged a(s, scalar);
+  Detector d({BackendKind::omp}, {});
+  d.options().threads = 1;
+  EXPECT_EQ(sorted(d.detect(a.input).pair_span()), brute_force(s)) << "round " << round;
+}
+
 // Few spheres in much space, so that rows often go on at the other end of the ring.
 TEST(PeriodicLevels, AnyPlaceOnTheRingGivesTheContactsOfBruteForce) {
   std::mt19937_64 random = random_of_new_seed();
@@ -149,12 +159,7 @@ TEST(PeriodicLevels, AnyPlaceOnTheRingGivesTheContactsOfBruteForce) {
             {at[0] + 3 * r * unit(random), at[1] + 3 * r * unit(random), at[2] + 3 * r * unit(random), r});
       }
     }
-    const Scalar scalar = round % 2 ? Scalar::f32 : Scalar::f64;
-    if (scalar == Scalar::f32) s = s.rounded();
-    const Arranged a(s, scalar);
-    Detector d({BackendKind::omp}, {});
-    d.options().threads = 1;
-    ASSERT_EQ(sorted(d.detect(a.input).pair_span()), brute_force(s)) << "round " << round;
+    expect_brute_force(s, round);
   }
 }
 
@@ -208,12 +213,7 @@ TEST(PeriodicLevels, OneLevelSearchesAnotherAcrossTheEndOfTheRing) {
       for (int n = 0; n < 150; n++) add(1);
       for (int n = 0; n < 3; n++) add(round % 4 < 2 ? 30 : 8);
     }
-    const Scalar scalar = round % 2 ? Scalar::f32 : Scalar::f64;
-    if (scalar == Scalar::f32) s = s.rounded();
-    const Arranged a(s, scalar);
-    Detector d({BackendKind::omp}, {});
-    d.options().threads = 1;
-    ASSERT_EQ(sorted(d.detect(a.input).pair_span()), brute_force(s)) << "round " << round;
+    expect_brute_force(s, round);
   }
 }
 
