@@ -87,6 +87,10 @@ void check(const PadOptions& options) {
   if (options.min_grain_radius.given() && options.repair != RepairMode::automatic &&
       options.repair != RepairMode::wrap)
     throw Error("a reach wraps the mesh: leave out the repair, or choose wrap");
+  if (options.thickness.given() && (options.repair == RepairMode::wrap || options.min_grain_radius.given()))
+    throw Error(
+        "a thickness has no effect on a wrap, which has an inside and no sheets: leave it out, or leave out "
+        "the reach and the repair by a wrap");
   if (options.max_spheres > 0xffffffffu) throw Error("the number of spheres can be at most 4294967295");
   if (!(options.effort >= 0 && options.effort <= 3)) throw Error("the effort must be 0, 1, 2 or 3");
   if (!options.lod.empty() && (options.tolerance.given() || options.max_spheres > 0 || options.depth_ratio))

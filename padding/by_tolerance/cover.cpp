@@ -13,7 +13,8 @@
 namespace padder {
 namespace {
 
-// The share of a tolerance that is kept back, so that scaling to another unit does not break the proof.
+// The share of a tolerance, or a radius limit, that is kept back, so that scaling to another unit does not
+// break the proof, or the limit.
 constexpr double kKeptBack = 1e-9;
 
 // What one stage of the search does. Each effort above 0 adds a stage, which begins with the cover of the one
@@ -84,13 +85,13 @@ class CoverSearch {
  private:
   static BallLimits limits_of(const Surface& surface, const CoverOptions& options) {
     const double sum = options.protrusion + options.gap;
+    const double max_radius = options.max_radius * (1 - kKeptBack);
     BallLimits limits;
     limits.tolerance_sum = sum * (1 - 2 * kKeptBack);
-    limits.protrusion = std::min(options.protrusion, options.max_radius) - kKeptBack * sum;
+    limits.protrusion = std::min(options.protrusion, max_radius) - kKeptBack * sum;
     limits.gap = options.gap - kKeptBack * sum;
-    limits.min_radius = options.min_radius;
-    limits.largest_inner_distance =
-        std::min(options.max_radius - limits.protrusion, surface.bounds().diagonal());
+    limits.min_radius = options.min_radius * (1 + kKeptBack);
+    limits.largest_inner_distance = std::min(max_radius - limits.protrusion, surface.bounds().diagonal());
     return limits;
   }
 

@@ -87,7 +87,8 @@ class CullSearch {
     culled.open = cover_.open, culled.proved = cover_.proved;
     if (!(depth > 0) || !room || cover_.open.why != WhyOpen::nothing) return culled;
     FillOptions filling{.depth = depth * (1 - 1e-6), .protrusion = protrusion * (1 - 1e-9)};
-    filling.min_radius = options_.min_radius, filling.max_radius = options_.max_radius;
+    filling.min_radius = options_.min_radius * (1 + 1e-9);
+    filling.max_radius = options_.max_radius * (1 - 1e-9);
     filling.moved = moved;
     const Filled filled = fill_body(surface_, BallSet(cover_.balls), filling);
     culled.balls.insert(culled.balls.end(), filled.balls.begin(), filled.balls.end());

@@ -52,6 +52,8 @@ TEST(PadOptions, WhatMakesNoSenseIsRefused) {
       [](PadOptions& o) { o.gap = o.protrusion = Length::of(0); },
       [](PadOptions& o) { o.gap = Length::of(0), o.max_spheres = 9; },
       [](PadOptions& o) { o.gap = Length::of(0), o.balance = Balance::mean; },
+      [](PadOptions& o) { o.thickness = Length::of(1), o.repair = RepairMode::wrap; },  // without effect
+      [](PadOptions& o) { o.thickness = Length::of(1), o.min_grain_radius = Length::of(1); },
       [](PadOptions& o) { o.tolerance = {}, o.lower_bound = true; },  // of a sphere for each triangle
   };
   for (std::size_t k = 0; k < std::size(wrong); k++) EXPECT_THROW(check(with(wrong[k])), Error) << k;
