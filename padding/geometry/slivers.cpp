@@ -37,9 +37,10 @@ class Collapse {
     return collect();
   }
 
-  // Merges the edges under `longest` that face the tip of a fan, where no plane moves by more than `most`.
-  Mesh thin_fans(double longest, double most) {
-    while (merge_rims(longest, most)) {
+  // Merges the edges under `longest` that face a point of at least so many triangles, where no plane moves by
+  // more than `most`.
+  Mesh merge_where_flat(double longest, double most, std::uint32_t least_faces) {
+    while (merge_rims(longest, most, least_faces)) {
     }
     return collect();
   }
@@ -67,14 +68,14 @@ class Collapse {
     return merge_all(std::move(edges), std::numeric_limits<double>::infinity());
   }
 
-  bool merge_rims(double longest, double most) {
+  bool merge_rims(double longest, double most, std::uint32_t least_faces) {
     std::vector<std::uint32_t> faces(mesh_.points.size(), 0);
     for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++)
       for (const auto v : mesh_.triangles[t]) faces[v] += alive_[t];
     std::vector<Turn> rims;
     for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++)
       for (int k = 0; k < 3 && alive_[t]; k++) {
-        if (faces[mesh_.triangles[t][k]] < kFan) continue;
+        if (faces[mesh_.triangles[t][k]] < least_faces) continue;
         const auto u = mesh_.triangles[t][(k + 1) % 3], v = mesh_.triangles[t][(k + 2) % 3];
         const double length = (mesh_.points[u] - mesh_.points[v]).norm();
         if (length < longest) rims.push_back({length, std::min(u, v), std::max(u, v)});
@@ -92,6 +93,7 @@ class Collapse {
       const double a_goes = cost(e.a, e.b), b_goes = cost(e.b, e.a);
       if (!(std::min(a_goes, b_goes) < most)) continue;
       const auto [kept, left] = a_goes < b_goes ? std::pair{e.b, e.a} : std::pair{e.a, e.b};
+      if (std::isfinite(most) && makes_layers(left, kept)) continue;
       gone[left] = 1, any = true;
       merge(left, kept);
     }
@@ -107,6 +109,24 @@ class Collapse {
       most = std::max(most, std::abs(n.dot(mesh_.points[to] - mesh_.points[v])) / n.norm());
     }
     return most;
+  }
+
+  // Would a triangle lie on another one, if `from` became `to`?
+  bool makes_layers(std::uint32_t from, std::uint32_t to) const {
+    std::vector<Corners> there;
+    const auto sorted = [](Corners c) {
+      std::sort(c.begin(), c.end());
+      return c;
+    };
+    for (const auto t : around_[to])
+      if (alive_[t] && has(t, to) && !has(t, from)) there.push_back(sorted(mesh_.triangles[t]));
+    std::sort(there.begin(), there.end());
+    return std::any_of(around_[from].begin(), around_[from].end(), [&](std::uint32_t t) {
+      if (!alive_[t] || !has(t, from) || has(t, to)) return false;
+      Corners c = mesh_.triangles[t];
+      std::replace(c.begin(), c.end(), from, to);
+      return std::binary_search(there.begin(), there.end(), sorted(c));
+    });
   }
 
   void merge(std::uint32_t from, std::uint32_t to) {
@@ -255,8 +275,12 @@ Mesh with_thinned_fans(const Mesh& mesh, double longest, double most) {
   std::vector<std::uint32_t> faces(mesh.points.size(), 0);
   for (const auto& t : mesh.triangles)
     for (const auto v : t)
-      if (++faces[v] >= kFan) return Collapse(mesh, 0).thin_fans(longest, most);
+      if (++faces[v] >= kFan) return Collapse(mesh, 0).merge_where_flat(longest, most, kFan);
   return mesh;
+}
+
+Mesh with_short_edges_merged(const Mesh& mesh, double longest, double most) {
+  return Collapse(mesh, 0).merge_where_flat(longest, most, 0);
 }
 
 Mesh taken_apart(const Mesh& mesh) {

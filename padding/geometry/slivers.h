@@ -22,6 +22,10 @@ Mesh without_slivers(const Mesh& mesh, double near);
 // What closes still closes. A mesh without a fan stays as it is.
 Mesh with_thinned_fans(const Mesh& mesh, double longest, double most);
 
+// The same for all edges shorter than `longest`, whatever they face. No triangle comes to lie on another one,
+// so that a thin body stays one.
+Mesh with_short_edges_merged(const Mesh& mesh, double longest, double most);
+
 // The same triangles, with points doubled where more than two of them share an edge, or where parts of the
 // surface share a point alone. There the bodies are taken apart: triangles stay together that have the body
 // between them, which lies behind counter-clockwise triangles. What has no such partner gets a border.

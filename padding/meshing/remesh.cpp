@@ -363,6 +363,21 @@ void break_rows(CgalMesh& mesh, SharpMap& sharp, double length) {
   make_even(faces, mesh, sharp, length, iterations);
 }
 
+// The remesher splits all edges into pieces of the length, and then collapses what is short. Of slivers side
+// by side it makes many times the pieces that are left at last, which takes minutes. So where there are that
+// many, short edges are merged first.
+Mesh with_slivers_merged(const Mesh& input, double length) {
+  constexpr double most_pieces = 3;  // for each triangle before and after; parts of machines have up to 1.3
+  double pieces = 0;
+  for (std::size_t t = 0; t < input.triangles.size(); t++)
+    for (int k = 0; k < 3; k++)
+      pieces += 0.5 * (input.corner(t, (k + 1) % 3) - input.corner(t, k)).norm() / length;
+  const double triangles = double(input.triangles.size()) + double(expected_triangles(input, length));
+  // Edges of a quarter of the length and planes that move by a fiftieth of it do not show in the result.
+  const auto thin = pieces > most_pieces * triangles ? with_short_edges_merged : with_thinned_fans;
+  return thin(input, 0.25 * length, 0.02 * length);
+}
+
 }  // namespace
 
 RemeshQuality measure_quality(const Mesh& mesh, double sharp_angle) {
@@ -420,8 +435,7 @@ Remeshed remesh(const Mesh& input, const RemeshOptions& options) {
   const double length = options.edge_length;
   expected_triangles(input, length);  // throws where they are too many
   const double near = options.slivers * length;
-  // Edges of a quarter of the length and planes that move by a fiftieth of it do not show in the result.
-  const Mesh thinned = with_thinned_fans(input, 0.25 * length, 0.02 * length);
+  const Mesh thinned = with_slivers_merged(input, length);
   CgalMesh mesh = manifold(near > 0 ? without_slivers(thinned, near) : thinned);
   SharpMap sharp = find_sharp_edges(mesh, options.sharp_angle);
   constexpr int iterations = 5;

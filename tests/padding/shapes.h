@@ -99,6 +99,24 @@ inline Mesh square(double side, int n = 1) {
   return mesh;
 }
 
+// A plate of length 1, cut into n strips of this width.
+inline Mesh strips(std::uint32_t n, double width, double height) {
+  Mesh mesh;
+  const std::uint32_t m = 2 * (n + 1), e = 2 * n;
+  for (const double z : {0.0, height})
+    for (std::uint32_t k = 0; k <= n; k++)
+      for (const double x : {0.0, 1.0}) mesh.points.push_back({x, k * width, z});
+  const auto quad = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
+    mesh.triangles.push_back({a, b, c}), mesh.triangles.push_back({a, c, d});
+  };
+  for (std::uint32_t a = 0; a < e; a += 2) {
+    quad(a, a + 2, a + 3, a + 1), quad(m + a, m + a + 1, m + a + 3, m + a + 2);
+    quad(a, m + a, m + a + 2, a + 2), quad(a + 1, a + 3, m + a + 3, m + a + 1);
+  }
+  quad(0, 1, m + 1, m), quad(e, m + e, m + e + 1, e + 1);
+  return mesh;
+}
+
 // Copies of a sheet side by side, from z = 0 up to just below the height.
 inline Mesh stack(const Mesh& sheet, int copies, double height) {
   Mesh mesh;

@@ -178,5 +178,21 @@ TEST(Slivers, AFanStaysWherePlanesWouldMoveOrTrianglesAreFew) {
   EXPECT_EQ(with_thinned_fans(few, 1, 1).triangles, few.triangles);
 }
 
+TEST(Slivers, StripsOfAPlateAreMergedWhereNoPlaneMoves) {
+  const Mesh plate = shapes::strips(1000, 1e-4, 0.02), thin = with_short_edges_merged(plate, 0.005, 1e-4);
+  EXPECT_TRUE(closed_manifold(thin));
+  EXPECT_LT(thin.triangles.size(), 500u);  // of 8,004; edges of 0.0025 would leave 324
+  EXPECT_NEAR(mass_properties(thin).volume, 0.002, 1e-12);
+}
+
+TEST(Slivers, ANeedleThatIsThinnerThanAllPlanesMayMoveStays) {
+  Mesh needle;
+  needle.points = {{0, 0, 0}, {1, 0, 0}, {0, 1e-4, 0}, {0, 0, 1e-4}};
+  needle.triangles = {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
+  const Mesh thin = with_short_edges_merged(needle, 0.005, 4e-4);
+  EXPECT_TRUE(closed_manifold(thin));
+  EXPECT_EQ(thin.triangles.size(), 4u);
+}
+
 }  // namespace
 }  // namespace padder

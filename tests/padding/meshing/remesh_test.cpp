@@ -59,6 +59,15 @@ TEST(Remesh, APlateOfOneInAThousandYieldsNoRunawayCircle) {
   EXPECT_NEAR(mass_properties(r.mesh).volume, 0.001, 1e-9);
 }
 
+// A remesher that splits all of these strips takes minutes.
+TEST(Remesh, APlateOfThousandsOfStripsIsAPlate) {
+  const Remeshed r = remesh(shapes::strips(4000, 1e-4, 0.02), {.edge_length = 0.02});
+  EXPECT_TRUE(closed_and_oriented(r.mesh));
+  EXPECT_NEAR(mass_properties(r.mesh).volume, 0.008, 1e-9);
+  EXPECT_LE(r.quality.circumradius_max, 0.02);
+  EXPECT_LT(r.quality.share_under_20_deg, 0.01);
+}
+
 TEST(Remesh, BorderIsKept) {
   const Remeshed r = remesh(shapes::square(1), {.edge_length = 0.1});
   EXPECT_NEAR(r.mesh.area(), 1, 1e-9);
