@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
+#include <cstdint>
 #include <functional>
 #include <numeric>
 #include <optional>
@@ -27,6 +28,11 @@ inline std::string listed(const std::vector<std::string>& words) {
   for (std::size_t k = 0; k < words.size(); k++)
     out += (k == 0 ? "" : k + 1 < words.size() ? ", " : " and ") + words[k];
   return out;
+}
+
+// "1 part", "2 parts"; where an s alone does not do, `many` is the word.
+inline std::string counted(std::uint64_t n, const std::string& one, const std::string& many = "") {
+  return std::to_string(n) + ' ' + (n == 1 ? one : many.empty() ? one + 's' : many);
 }
 
 // What an option takes, in words. CLI11 appends the descriptions of its checks to the type name, as in

@@ -43,6 +43,23 @@ TEST_F(DetectTool, JsonAsPromised) {
   EXPECT_EQ(stages["contacts"], j["contacts"]);
 }
 
+TEST_F(DetectTool, TheNineStagesAndAMarginAreExact) {
+  for (const std::string exact : {"--path nine-stages", "--margin 0.1"})
+    for (const std::string boxes : {"", " --devices 1"}) {
+      const std::string words = "dense.json --backend omp --precision fast " + exact + boxes;
+      EXPECT_EQ(Json::parse(run(words + " --json").out)["precision"], "exact") << words;
+      EXPECT_EQ(run(words).out.find("float only"), std::string::npos) << words;
+    }
+  EXPECT_EQ(Json::parse(run("dense.json --backend omp --precision fast --json").out)["precision"], "fast");
+}
+
+TEST_F(DetectTool, OneIsNoPlural) {
+  write_file(
+      folder_ / "one.json",
+      R"({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0]], "radii": 1}]})");
+  EXPECT_TRUE(run("one.json").out.starts_with("1 sphere, 0 bodies: 0 contacts ("));
+}
+
 TEST_F(DetectTool, HashIsOneLine) {
   const Outcome r = run("dense.json -q --hash");
   EXPECT_EQ(r.code, 0);

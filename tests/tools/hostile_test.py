@@ -204,7 +204,7 @@ class HostileTest(unittest.TestCase):
         os.symlink("..", self.folder / "parts/up")
         shutil.copy(self.folder / "cube.obj", self.folder / "parts")
         os.mkfifo(self.folder / "parts/pipe.obj")
-        self.assertIn(b"1 parts: 1 made", self.works("pad", "parts", "-o", "out", *QUICK).stdout)
+        self.assertIn(b"1 part: 1 made", self.works("pad", "parts", "-o", "out", *QUICK).stdout)
 
     def test_scenes_and_gltf_name_files_that_are_none(self):
         os.mkfifo(self.folder / "pipe")

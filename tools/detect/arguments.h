@@ -61,6 +61,9 @@ struct Arguments {
 // For -v: a line for each stage, on stderr.
 void print_seconds(const Json& seconds);
 
+// "3000 spheres, 1 body: 8000 contacts"
+std::string counts_text(std::uint64_t spheres, std::uint64_t bodies, std::uint64_t contacts);
+
 // The hash as it is printed: 16 hexadecimal digits.
 std::string hex(std::uint64_t hash);
 

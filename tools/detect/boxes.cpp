@@ -49,7 +49,13 @@ BoxOptions box_options(const Arguments& a, const Scene& scene) {
 }
 
 void check_box_arguments(const Arguments& a) {
-  if (a.stages) throw UsageError("--stages is for small scenes: leave out --devices and --memory");
+  if (a.stages && (ends_in(a.scene, ".npy") || ends_in(a.scene, ".npz")))
+    throw UsageError("--stages takes a scene (.json) or a cluster, and " + a.scene + " is a file of spheres");
+  if (a.stages)
+    throw UsageError("--stages is for one detector: leave out " +
+                     std::string(!a.devices.empty() ? "--devices"
+                                 : a.memory         ? "--memory"
+                                                    : "-o " + a.output + ", or write .csv, .npz or .vtp"));
   if (a.memory && !a.output.empty() && !ends_in(a.output, ".npy"))
     throw UsageError("-o " + a.output +
                      ": a sorted file needs the whole list in memory: with --memory, write a .npy");
@@ -109,11 +115,10 @@ int run_boxes(const Arguments& a) {
     return 0;
   }
   if (!a.quiet) {
-    std::printf("%llu spheres, %zu bodies: %llu contacts (%s, %s, %u box%s on %zu device%s) in %.4f s\n",
-                (unsigned long long)r.spheres, scene.bodies.size(), (unsigned long long)r.contacts,
-                boxed.backend(), a.precision.word.c_str(), r.boxes, r.boxes > 1 ? "es" : "",
-                options.devices.size(), options.devices.size() > 1 ? "s" : "",
-                report["seconds"]["total"].get<double>());
+    std::printf("%s (%s, %s, %u box%s on %zu device%s) in %.4f s\n",
+                counts_text(r.spheres, scene.bodies.size(), r.contacts).c_str(), boxed.backend(),
+                a.precision.word.c_str(), r.boxes, r.boxes > 1 ? "es" : "", options.devices.size(),
+                options.devices.size() > 1 ? "s" : "", report["seconds"]["total"].get<double>());
     if (r.memory_boxes)
       std::printf("%u of the boxes were made because memory is limited, and %u split\n", r.memory_boxes,
                   r.splits);

@@ -231,9 +231,8 @@ int find_contacts(Arguments& a) {
                  {"seconds", seconds}};
   if (!is_whole) report["lod"] = lod_json(scene, choice);
   if (!a.json && !a.quiet) {
-    std::printf("%llu spheres, %zu bodies: %llu contacts (%s, %s) in %.4f s\n", (unsigned long long)c.spheres,
-                scene.bodies.size(), (unsigned long long)c.count, detector.backend(),
-                a.precision.word.c_str(), c.seconds.total);
+    std::printf("%s (%s, %s) in %.4f s\n", counts_text(c.spheres, scene.bodies.size(), c.count).c_str(),
+                detector.backend(), a.precision.word.c_str(), c.seconds.total);
     if (a.options.precision == Precision::float32)
       std::printf("float only: off from double arithmetic by at most %llu pairs\n",
                   (unsigned long long)c.doubtful);
@@ -267,6 +266,8 @@ int run(Arguments& a) {
   const std::string ending = std::filesystem::path(a.output).extension().string();
   if (!printed && !a.output.empty() && (ending.empty() || !format_names().contains(ending.substr(1))))
     throw UsageError("cannot tell the format of " + a.output + ": end it with .csv, .npz, .vtp or .npy");
+  // The nine stages and a margin are always exact.
+  if (a.path.value() == Path::nine_stages || a.options.margin > 0) a.precision.word = "exact";
   if (printed) a.quiet = true, a.output = files.output("contacts." + a.format);
   const int code = find_contacts(a);
   files.deliver();
@@ -289,6 +290,12 @@ Scene read_input(const Arguments& a, LooseAs loose) {
 void print_seconds(const Json& seconds) {
   for (const auto& [stage, time] : seconds.items())
     std::fprintf(stderr, "detect: %-7s %.6f s\n", stage.c_str(), time.get<double>());
+}
+
+std::string counts_text(std::uint64_t spheres, std::uint64_t bodies, std::uint64_t contacts) {
+  using padder::cli::counted;
+  return counted(spheres, "sphere") + ", " + counted(bodies, "body", "bodies") + ": " +
+         counted(contacts, "contact");
 }
 
 std::string hex(std::uint64_t v) {

@@ -112,8 +112,7 @@ void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, c
     return;
   }
   if (!a.quiet) {
-    std::printf("%llu spheres, %llu bodies: %llu contacts (%s, %s, %d ranks) in %.4f s\n",
-                (unsigned long long)r.spheres, (unsigned long long)r.bodies, (unsigned long long)r.contacts,
+    std::printf("%s (%s, %s, %d ranks) in %.4f s\n", counts_text(r.spheres, r.bodies, r.contacts).c_str(),
                 backend, a.precision.word.c_str(), ranks, total);
     if (a.precision.value() == Precision::float32)
       std::printf("float only: off from double arithmetic by at most %llu pairs\n",

@@ -66,8 +66,9 @@ Json run_convert(const PadArguments& a, const std::string& input, const PadTarge
 }
 
 void print_convert(const Json& report) {
-  std::printf("%s: %zu spheres, as they are\n", report["input"].get<std::string>().c_str(),
-              report["spheres"].get<std::size_t>());
+  std::printf("%s: %s, as %s\n", report["input"].get<std::string>().c_str(),
+              cli::counted(report["spheres"], "sphere").c_str(),
+              report["spheres"] == 1 ? "it is" : "they are");
   for (const Json& output : report["outputs"]) std::printf("  wrote %s\n", output.get<std::string>().c_str());
 }
 

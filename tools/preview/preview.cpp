@@ -179,9 +179,10 @@ int run(Arguments& a, padder::cli::StreamFiles& files) {
                              {"bytes", bytes},
                              {"seconds", seconds}});
   else if (!a.quiet)
-    std::printf("%s: %zu spheres, %zu triangles, %zu contacts; %.1f MB, %.2f s\n", a.output.c_str(),
-                std::size_t(shown), view.mesh.triangles.size(), view.contacts.size(), double(bytes) / 1e6,
-                seconds);
+    std::printf("%s: %s, %s, %s; %.1f MB, %.2f s\n", a.output.c_str(),
+                padder::cli::counted(shown, "sphere").c_str(),
+                padder::cli::counted(view.mesh.triangles.size(), "triangle").c_str(),
+                padder::cli::counted(view.contacts.size(), "contact").c_str(), double(bytes) / 1e6, seconds);
   files.deliver();
   return 0;
 }

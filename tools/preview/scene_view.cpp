@@ -8,6 +8,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/asset/npz.h"
+#include "tools/usage.h"
 
 namespace padder {
 namespace {
@@ -115,7 +116,8 @@ View view_of(const detect::Scene& scene, const std::string& title) {
     add(s, loose.family.empty() ? 0 : loose.family[k], std::uint32_t(v.bodies.size()));
   }
   if (v.bodies.empty()) v.body.clear();
-  v.note = std::to_string(v.bodies.size()) + " bodies, " + std::to_string(loose.size()) + " loose spheres";
+  v.note =
+      cli::counted(v.bodies.size(), "body", "bodies") + ", " + cli::counted(loose.size(), "loose sphere");
   return v;
 }
 

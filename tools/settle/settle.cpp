@@ -200,10 +200,10 @@ Json report_of(const Stepper& stepper, const detect::RungChoice& rungs, const Wa
 void print(const Json& r) {
   const double seconds = r["seconds"]["total"], detection = r["seconds"]["detection"];
   const double steps = r["steps"];
-  std::printf("%llu spheres (%llu bodies, %llu grains), %.0f steps of %.3g: time %.4g\n",
-              r["spheres"].get<unsigned long long>(), r["bodies"].get<unsigned long long>(),
-              r["grains"].get<unsigned long long>(), steps, r["time_step"].get<double>(),
-              r["time"].get<double>());
+  using padder::cli::counted;
+  std::printf("%s (%s, %s), %.0f step%s of %.3g: time %.4g\n", counted(r["spheres"], "sphere").c_str(),
+              counted(r["bodies"], "body", "bodies").c_str(), counted(r["grains"], "grain").c_str(), steps,
+              steps == 1 ? "" : "s", r["time_step"].get<double>(), r["time"].get<double>());
   const Json& lod = r["lod"];
   if (lod["spheres"] != lod["spheres_finest"])
     std::printf("levels of detail: %llu of %llu spheres of bodies; %s\n",

@@ -199,7 +199,7 @@ class Run {
     }
     if (const std::size_t at = done_ + failed_; at % 64 == 0 || fate != Fate::current)
       bar_.show(double(at) / double(parts_.size()), std::to_string(at) + " of " +
-                                                        std::to_string(parts_.size()) + " parts, " +
+                                                        cli::counted(parts_.size(), "part") + ", " +
                                                         std::to_string(failed_) + " failed");
   }
 
@@ -237,15 +237,14 @@ class Run {
     std::string end = trouble_;
     if (stopped > 0) end = std::string("ended by signal ") + std::to_string(stopped);
     if (!end.empty())
-      std::fprintf(stderr,
-                   "pad: stopped with %zu of %zu parts left: %s; the same command goes on from here\n", left,
-                   parts_.size(), end.c_str());
+      std::fprintf(stderr, "pad: stopped with %zu of %s left: %s; the same command goes on from here\n", left,
+                   cli::counted(parts_.size(), "part").c_str(), end.c_str());
     if (!a_.json && !a_.quiet) {
-      std::printf("%zu parts: %zu made, %zu were up to date, %zu failed", parts_.size(), made_, done_ - made_,
-                  failed_);
+      std::printf("%s: %zu made, %zu were up to date, %zu failed",
+                  cli::counted(parts_.size(), "part").c_str(), made_, done_ - made_, failed_);
       if (left > 0) std::printf(", %zu not reached", left);
-      std::printf("; %llu spheres; %.1f s with %d workers\n", (unsigned long long)spheres_, seconds,
-                  workers_);
+      std::printf("; %s; %.1f s with %s\n", cli::counted(spheres_, "sphere").c_str(), seconds,
+                  cli::counted(static_cast<unsigned>(workers_), "worker").c_str());
     }
     if (!a_.json) return;
     Json all = Json::array();
