@@ -138,6 +138,12 @@ inline void end_cleanly_on_signals() {
           ::_exit(128 + signal);
         }) == SIG_IGN)
       std::signal(number, SIG_IGN);  // as nohup and a shell's background jobs want it
+  // The reader of a pipe has ended, as head does. A shell wants to see the signal itself.
+  if (std::signal(SIGPIPE, [](int signal) {
+        remove_all_unfinished();
+        std::signal(signal, SIG_DFL), std::raise(signal);
+      }) == SIG_IGN)
+    std::signal(SIGPIPE, SIG_IGN);
 }
 
 inline constexpr const char* kNoMemory =

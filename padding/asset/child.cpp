@@ -92,7 +92,7 @@ void limit(int resource, rlim_t most) {
   if (nowhere >= 0)
     ::dup2(nowhere, STDOUT_FILENO), ::dup2(nowhere, STDERR_FILENO);  // failed assertions print there
   for (const int signal :
-       {SIGABRT, SIGSEGV, SIGFPE, SIGBUS, SIGILL, SIGXCPU, SIGALRM, SIGINT, SIGTERM, SIGHUP})
+       {SIGABRT, SIGSEGV, SIGFPE, SIGBUS, SIGILL, SIGXCPU, SIGALRM, SIGINT, SIGTERM, SIGHUP, SIGPIPE})
     std::signal(signal, SIG_DFL);
   const rlim_t seconds = 30 + file_size / 1000000;  // 1 MB takes well under one
   limit(RLIMIT_CORE, 0), limit(RLIMIT_CPU, seconds);

@@ -324,6 +324,23 @@ class HostileTest(unittest.TestCase):
             done = subprocess.run([BIN / "pad", "cube.obj", "--json", *QUICK], cwd=self.folder, stdout=full, stderr=subprocess.PIPE)
         self.assertEqual((done.returncode, done.stderr.count(b"\n")), (1, 1))
 
+    def test_a_reader_that_ends_leaves_no_temporary_file(self):
+        self.put("cube.obj", CUBE)
+        self.works("pad", "cube.obj", "-q", *QUICK)
+        temporary = self.folder / "tmp"
+        os.mkdir(temporary)
+        for words in (["pad", "cube.obj", "-o", "-", *QUICK], ["detect", "cube.spheres.json", "--copies", "9", "-o", "-", "--format", "csv"],
+                      ["preview", "cube.spheres.json", "-o", "-", "--format", "png", "--size", "64x64", "--samples", "1"]):
+            if not (BIN / words[0]).exists():
+                continue
+            read, write = os.pipe()
+            os.close(read)
+            done = subprocess.run([BIN / words[0], *words[1:]], cwd=self.folder, stdout=write, stderr=subprocess.PIPE,
+                                  env={**os.environ, "TMPDIR": str(temporary)})
+            os.close(write)
+            self.assertEqual((done.returncode, done.stderr), (-signal.SIGPIPE, b""), words)
+            self.assertEqual(os.listdir(temporary), [], words)
+
     def test_a_kill_while_writing_leaves_no_half_asset(self):
         """As soon as something is written: under the final name there is the old file, or the new one as a whole."""
         self.put("cube.obj", CUBE)

@@ -186,7 +186,7 @@ void check_options(const PadArguments& a) {
 void end_after(const PadArguments& a) {
   std::thread([&a] {
     std::this_thread::sleep_for(std::chrono::duration<double>(std::min(a.seconds, 1e9)));
-    remove_unfinished_files();
+    cli::remove_all_unfinished();
     const std::string sentence =
         "no result after " + short_number(a.seconds, 6) + " s: give it more with --seconds";
     std::fprintf(stderr, "pad: %s\n", sentence.c_str());

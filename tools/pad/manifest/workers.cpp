@@ -56,7 +56,7 @@ constexpr int kExitedForMemory = 3;  // exit code of a worker that ran out of me
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (::getppid() != parent) ::_exit(1);  // it ended before the line above
   ::setpgid(0, 0);                        // Ctrl-C is for the parent, and a kill reaches all that it starts
-  for (const int s : {SIGINT, SIGTERM, SIGHUP, SIGCHLD}) std::signal(s, SIG_DFL);
+  for (const int s : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGCHLD}) std::signal(s, SIG_DFL);
   ::sigprocmask(SIG_SETMASK, &before, nullptr);
   const int nowhere = ::open("/dev/null", O_RDWR);
   for (const int standard : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::dup2(nowhere, standard);
