@@ -296,6 +296,10 @@ class ManifestTest(unittest.TestCase):
                             (["empty", "a.obj", "-o", "out", "--page", "--shard", "1/2"], 2)):
             done = self.run_pad(*words, code=code)
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)
+        self.assertIn("** is no pattern", self.run_pad("sub/**/*.obj", "-o", "out", code=2).stderr)
+        self.put("list.txt", "a.obj\n")
+        for words in (["sub"], ["*.obj"], ["--manifest", "list.txt"], ["sub", "--format", "stl"]):
+            self.assertIn("give -o FOLDER", self.run_pad(*words, "-o", "-", code=2).stderr)
         self.assertFalse((self.folder / "out").exists())
 
     def test_the_page_shows_every_part(self):

@@ -44,12 +44,15 @@ const Format* format_of(const PadArguments& a, const std::string& mesh) {
     if (named && !output.ends_with(".json")) return &find_format(output);
     return is_robot(mesh) ? &find_format({}, "urdf") : nullptr;
   } catch (const Error& e) {
+    if (std::error_code code; a.format.empty() && !fs::exists(mesh, code))  // the first that must be mended
+      throw Error("cannot open " + mesh + ": check the name and that it may be read");
     throw cli::UsageError(e.what());
   }
 }
 
 std::string output_name(const std::string& mesh, const Format* format) {
   const fs::path path = mesh.ends_with('/') ? fs::path(mesh).parent_path() : fs::path(mesh);
+  if (!format && mesh.ends_with(".spheres.json")) return path.filename().string();
   return path.stem().string() +
          (!format ? ".spheres.json" : std::string(is_robot(mesh) ? ".spheres" : "") + format->ending);
 }

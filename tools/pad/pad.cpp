@@ -156,6 +156,10 @@ void use_streams(PadArguments& a, cli::StreamFiles& files) {
     throw UsageError("- is given twice: stdin holds one mesh, and stdout takes one file");
   if (taken > 0 && (a.json || a.meshes.size() > 1))
     throw UsageError("-o - writes the file of one mesh to stdout: leave out --json and further meshes");
+  if (taken > 0 && lists_parts(a))
+    throw UsageError(
+        "-o - writes the file of one mesh to stdout, and a folder, a pattern or a manifest is for many: give "
+        "-o FOLDER");
   for (std::string& output : a.outputs) {
     if (!cli::is_stream(output)) continue;
     const Format* format = a.format.empty() ? nullptr : &find_format({}, a.format);

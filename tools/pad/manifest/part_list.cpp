@@ -84,6 +84,10 @@ class List {
   }
 
   void add_pattern(const std::string& pattern) {
+    if (pattern.find("**") != std::string::npos)
+      throw UsageError(excerpt(pattern) +
+                       ": ** is no pattern here: * is the name of one folder; to take every mesh below a "
+                       "folder, name the folder");
     glob_t found{};
     const int failed = ::glob(pattern.c_str(), 0, nullptr, &found);
     std::vector<std::string> files;
