@@ -177,12 +177,53 @@ void append_lines(std::string& text, const Json& object, int indent) {
   text += "\n" + pad.substr(2) + "}";
 }
 
+// T: Cluster or Lod.
+template <class T>
+void scale_spheres(T& c, double factor) {
+  for (Point& p : c.centers) p *= factor;
+  for (double& r : c.radii) r *= factor;
+  c.accuracy.scale(factor), c.volume_union *= std::pow(factor, 3);
+}
+
+// The lengths among the settings that pad writes. Others are kept, and so is what is no JSON object.
+std::string scaled_settings(const std::string& settings, double factor) {
+  Json j = Json::parse(settings, nullptr, false);
+  if (!j.is_object()) return settings;
+  const auto scale = [&](Json& length) {
+    if (length.is_number()) length = length.get<double>() * factor;
+  };
+  for (const char* name : {"edge_length", "tolerance", "protrusion", "gap", "min_radius", "max_radius", "lod",
+                           "reach", "thickness"}) {
+    const auto at = j.find(name);
+    if (at == j.end()) continue;
+    if (at->is_array())
+      for (Json& length : *at) scale(length);
+    else
+      scale(*at);
+  }
+  return text_of(j);
+}
+
 }  // namespace
 
 void Accuracy::scale(double factor) {
   for (double* length : {&protrusion_max, &protrusion_mean, &protrusion_p95, &gap_max, &gap_mean, &gap_p95,
                          &protrusion_bound, &gap_bound, &wrap_distance})
     *length *= factor;
+}
+
+void Lod::scale(double factor) {
+  scale_spheres(*this, factor);
+  tolerance *= factor;
+}
+
+void Cluster::scale(double factor) {
+  scale_spheres(*this, factor);
+  if (!bounds.empty()) bounds.low *= factor, bounds.high *= factor;
+  mass.volume *= std::pow(factor, 3), mass.center *= factor;
+  mass.inertia *= std::pow(factor, 5), mass.moments *= std::pow(factor, 5);
+  for (Lod& lod : lods) lod.scale(factor);
+  settings = scaled_settings(settings, factor);
 }
 
 const char* name_of(SurfaceKind kind) {

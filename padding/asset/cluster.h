@@ -57,6 +57,8 @@ struct Lod {
   std::vector<Point> centers;
   std::vector<double> radii;
   std::vector<std::int64_t> triangle;
+
+  void scale(double factor);
 };
 
 // The asset.
@@ -82,6 +84,7 @@ struct Cluster {
   std::vector<Lod> lods;  // the coarsest first; empty unless asked for
 
   std::size_t size() const { return radii.size(); }
+  void scale(double factor);  // its lengths, those of `settings` too; areas and the like by their powers
 };
 
 // Metres in a unit of length, of which Cluster::unit tells the words; 1 for "". Throws Error for another

@@ -97,6 +97,8 @@ bool possible(const MassProperties& m) {
          m.axes.isUnitary(rounding) && (inertia - m.inertia).cwiseAbs().maxCoeff() <= rounding * most;
 }
 
+constexpr const char* kNoFilter = "take family 0 and mask 0 (--family 0 --mask 0)";
+
 void check(const Model& model, const Format& format, const std::string& where) {
   const auto fail = [&](const std::string& what) { throw Error("cannot write " + where + ": " + what); };
   if (model.spheres() == 0) fail("there is no sphere in it");
@@ -122,16 +124,16 @@ void check(const Model& model, const Format& format, const std::string& where) {
            " (moments below 0, axes that are no rotation, or an inertia of others): pad its mesh again");
     if (format.filter == F::none && (c.family != 0 || c.mask != 0))
       fail(name + " has a family or a mask, which the file cannot hold (" + format.program +
-           " sets who may touch whom in its own script): pad without --family and --mask");
+           " sets who may touch whom in its own script): " + kNoFilter);
     // A robot's families only say which of its links may touch, and the file says that in its own way.
     if (format.filter == F::pairs && with_spheres == 1 && !model.robot() && (c.family != 0 || c.mask != 0))
       fail(name + " has a family or a mask, which the file cannot hold (" + format.program +
-           " names pairs of bodies in one file, and there is one): pad without --family and --mask, or write "
-           ".spheres.json, .npz, .vtp, .xml or Chrono's header");
+           " names pairs of bodies in one file, and there is one): " + kNoFilter +
+           ", or write .spheres.json, .npz, .vtp, .xml or Chrono's header");
     if ((format.filter == F::bits || format.filter == F::both) && with_spheres == 1 && !model.robot() &&
         c.family > static_cast<std::uint32_t>(format.bits))
       fail(name + " is of family " + std::to_string(c.family) + ", and " + format.program +
-           " has bits for families 1 to " + std::to_string(format.bits) + ": pad with one of those");
+           " has bits for families 1 to " + std::to_string(format.bits) + ": take one of those (--family)");
   }
 }
 

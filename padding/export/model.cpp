@@ -2,31 +2,8 @@
 #include "padding/export/model.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace padder {
-namespace {
-
-void scale(std::vector<Point>& centers, std::vector<double>& radii, double s) {
-  for (Point& p : centers) p *= s;
-  for (double& r : radii) r *= s;
-}
-
-void scale(Cluster& c, double s) {
-  scale(c.centers, c.radii, s);
-  c.accuracy.scale(s);
-  if (!c.bounds.empty()) c.bounds.low *= s, c.bounds.high *= s;
-  c.mass.volume *= std::pow(s, 3), c.mass.center *= s;
-  c.mass.inertia *= std::pow(s, 5), c.mass.moments *= std::pow(s, 5);
-  c.volume_union *= std::pow(s, 3);
-  for (Lod& lod : c.lods) {
-    scale(lod.centers, lod.radii, s);
-    lod.accuracy.scale(s);
-    lod.tolerance *= s, lod.volume_union *= std::pow(s, 3);
-  }
-}
-
-}  // namespace
 
 std::size_t Model::spheres() const {
   std::size_t n = 0;
@@ -77,7 +54,7 @@ Model scaled(Model model, double factor, const std::string& unit) {
     if (b.joint.type == Joint::Type::prismatic)
       b.joint.lower *= factor, b.joint.upper *= factor, b.joint.offset *= factor;
     if (b.inertial) b.inertial->center *= factor, b.inertial->inertia *= factor * factor;
-    if (factor != 1) scale(b.cluster, factor);
+    if (factor != 1) b.cluster.scale(factor);
   }
   return model;
 }

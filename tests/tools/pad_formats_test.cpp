@@ -73,6 +73,43 @@ TEST_F(PadFormatsTest, AUnitIsNeverLostWithoutAWord) {
   EXPECT_LT(read_spheres(folder_ / "c.xml").bounds.diagonal(), 0.003);
 }
 
+TEST_F(PadFormatsTest, AConversionToAnotherUnitKeepsTheSize) {
+  ASSERT_EQ(pad("cube.obj --lod 10%,5% --max-radius 20% -q --unit m -o c.spheres.json").output, "");
+  ASSERT_EQ(pad("c.spheres.json --unit mm -q -o mm.spheres.json -o mm.urdf").output, "");
+  ASSERT_EQ(pad("c.spheres.json -q -o m.urdf").output, "");
+  const Cluster m = read_spheres(folder_ / "c.spheres.json"), mm = read_spheres(folder_ / "mm.spheres.json");
+  EXPECT_EQ(mm.unit, "mm");
+  EXPECT_NEAR(mm.bounds.diagonal(), 1000 * m.bounds.diagonal(), 1e-9);
+  EXPECT_NEAR(mm.mass.volume, 1e9, 1);
+  const auto settings = nlohmann::json::parse(m.settings), longer = nlohmann::json::parse(mm.settings);
+  EXPECT_NEAR(longer["lod"][1], 1000 * settings["lod"][1].get<double>(), 1e-9);
+  EXPECT_NEAR(longer["max_radius"], 1000 * settings["max_radius"].get<double>(), 1e-9);
+  EXPECT_NEAR(mm.lods[0].tolerance, 1000 * m.lods[0].tolerance, 1e-9);
+  EXPECT_EQ(longer["effort"], settings["effort"]);
+  expect_same_spheres(read_spheres(folder_ / "mm.urdf"), read_spheres(folder_ / "m.urdf"), 1e-15);
+  ASSERT_EQ(pad("c.spheres.json --unit in --scale 2 -q -o in.spheres.json").output, "");
+  EXPECT_NEAR(read_spheres(folder_ / "in.spheres.json").bounds.diagonal(), 2 * m.bounds.diagonal() / 0.0254,
+              1e-9);
+}
+
+TEST_F(PadFormatsTest, AConversionChangesFamilyAndMaskToNone) {
+  ASSERT_EQ(pad("cube.obj --edge-length 10% --family 3 --mask 4 -q -o c.spheres.json").output, "");
+  const Ran full = pad("c.spheres.json -q -o c.urdf");
+  EXPECT_NE(full.output.find("take family 0 and mask 0 (--family 0 --mask 0)"), std::string::npos)
+      << full.output;
+  ASSERT_EQ(pad("c.spheres.json --mask 0 -q -o d.spheres.json").output, "");
+  EXPECT_EQ(read_spheres(folder_ / "d.spheres.json").family, 3u);
+  EXPECT_EQ(read_spheres(folder_ / "d.spheres.json").mask, 0u);
+  EXPECT_EQ(pad("c.spheres.json --family 0 --mask 0 -q -o c.urdf").output, "");
+}
+
+TEST_F(PadFormatsTest, AConversionIntoAFolderKeepsTheName) {
+  ASSERT_EQ(pad("cube.obj --edge-length 10% -q -o c.spheres.json").output, "");
+  ASSERT_EQ(pad("c.spheres.json cube.obj --edge-length 10% -q -o d/").status, 2);
+  ASSERT_EQ(pad("c.spheres.json cube.obj -q -o d/").output, "");
+  EXPECT_TRUE(fs::exists(folder_ / "d/c.spheres.json"));
+}
+
 TEST_F(PadFormatsTest, ARobotOfOneLinkHasNoFamily) {
   ASSERT_EQ(pad("cube.obj --unit m --edge-length 10% -q -o c.urdf").output, "");
   ASSERT_EQ(pad("c.urdf -q -o links/").output, "");

@@ -151,8 +151,11 @@ void declare_asset(CLI::App& app, PadArguments& a) {
       ->type_name("MODE");
   add_length(app, "--thickness", a.options.thickness, "of sheets, half on either side (default 0)");
   app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
-      ->check(whole());
-  app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")->check(bits());
+      ->check(whole())
+      ->each([&a](const std::string&) { a.family_given = true; });
+  app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")
+      ->check(bits())
+      ->each([&a](const std::string&) { a.mask_given = true; });
   app.add_flag("--force", a.options.force,
                "take lengths that can hardly be meant, as a tolerance beyond half the thinnest extent");
 }

@@ -21,6 +21,7 @@ struct PadArguments {
   std::string input_format;  // of the mesh from the standard input
   double scale = 1, density = ExportOptions().density;
   PadOptions options;
+  bool family_given = false, mask_given = false;  // a conversion keeps those of the file otherwise
   RobotOptions robot;
   std::vector<std::string> joints;
   double seconds = 3600;  // that one part of a manifest may take, or a call if given; 0: any time

@@ -42,17 +42,24 @@ void write(const SphereModel& spheres, const std::string& input, const OutputFil
     warnings.push_back(std::move(sentence));
 }
 
+// What --scale, --unit, --family and --mask ask for. Lengths whose unit is not known are taken to be in
+// --unit.
+void change(Model& model, const PadArguments& a) {
+  const std::string unit = a.unit.empty() ? model.unit : a.unit;
+  const double to_unit = model.unit.empty() || unit == model.unit ? 1 : metres(model.unit) / metres(unit);
+  if (a.scale != 1 || unit != model.unit) model = scaled(std::move(model), a.scale * to_unit, unit);
+  for (Body& body : model.bodies) {
+    if (a.family_given) body.cluster.family = a.options.family;
+    if (a.mask_given) body.cluster.mask = a.options.mask;
+  }
+}
+
 }  // namespace
 
 Json run_convert(const PadArguments& a, const std::string& input, const PadTarget& target) {
   SphereModel spheres = read_sphere_model(input);
   Model& model = spheres.model;
-  const std::string unit = a.unit.empty() ? model.unit : a.unit;
-  if (a.scale != 1 || unit != model.unit) model = scaled(std::move(model), a.scale, unit);
-  for (Body& body : model.bodies) {
-    if (a.options.family != 0) body.cluster.family = a.options.family;
-    if (a.options.mask != 0) body.cluster.mask = a.options.mask;
-  }
+  change(model, a);
   std::vector<std::string> warnings;
   Json outputs = Json::array();
   for (const OutputFile& file : target.in_writing_order()) write(spheres, input, file, a.density, warnings);

@@ -10,7 +10,7 @@
 namespace padder {
 
 // Reads `file` (is_sphere_file, padding/import/import.h), writes, and reports: input, outputs, parts,
-// spheres, warnings. A family or mask of 0 leaves those of the file. Throws Error.
+// spheres, warnings. Throws Error.
 nlohmann::ordered_json run_convert(const PadArguments& a, const std::string& file, const PadTarget& target);
 
 void print_convert(const nlohmann::ordered_json& report);  // for people, on stdout

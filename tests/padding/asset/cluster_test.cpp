@@ -125,6 +125,16 @@ void expect_same(const Cluster& a, const Cluster& b) {
   }
 }
 
+TEST(Cluster, ScalingTakesTheLengthsOfItsSettings) {
+  Cluster c;
+  c.settings =
+      R"({"depth":0.2,"edge_length":1,"tolerance":2,"lod":[4,3],"effort":1,"thickness":0.5,"gap":0})";
+  c.scale(10);
+  EXPECT_EQ(
+      c.settings,
+      R"({"depth":0.2,"edge_length":10.0,"tolerance":20.0,"lod":[40.0,30.0],"effort":1,"thickness":5.0,"gap":0.0})");
+}
+
 TEST(Cluster, WritingAndReadingBackLosesNothing) {
   for (std::uint64_t seed = 1; seed <= 40; seed++) {
     SCOPED_TRACE("seed " + std::to_string(seed));
