@@ -87,11 +87,22 @@ void keep_only(RungSpheres& made, const std::vector<std::uint32_t>& kept) {
   made = std::move(fewer);
 }
 
-// The surface that closes a crack is as far from the input as the crack is wide, so the spheres may stand out
-// by so much less. Far from the origin doubles are coarse: writing the spheres down may move them, and
-// joining corners may move the surface. Together that is `moved`, which is taken off both errors.
-CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal, double crack,
-                         double moved) {
+// How far the surface that the spheres are made on may be from the body that the file describes, in the unit
+// frame. What closes a crack is as far from the input as the crack is wide, so the spheres may stand out by
+// so much less. A round shape reaches out of its mesh by the chord error, so the gap is so much smaller. Far
+// from the origin doubles are coarse: writing the spheres down may move them, and joining corners may move
+// the surface. Together that is `moved`, which is taken off both errors.
+struct Allowance {
+  double crack = 0, chord_error = 0, moved = 0;
+};
+
+// A gap above 0 stays above 0, and one of 0 covers what is so far outside, too.
+double left_of(double error, double chord_error) {
+  return error > 0 ? std::max(error - chord_error, 0.5 * error) : error - chord_error;
+}
+
+CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal,
+                         const Allowance& allowance) {
   CullOptions c;
   c.tolerance = tolerance.absolute(diagonal) / diagonal;
   c.max_spheres = options.max_spheres;
@@ -100,14 +111,15 @@ CullOptions cull_options(const PadOptions& options, const Length& tolerance, dou
   if (options.each_error()) {
     c.only_protrusion = options.protrusion_used().absolute(diagonal) / diagonal;
     c.only_gap = options.gap_used().absolute(diagonal) / diagonal;
-  } else if (crack > 0 && c.tolerance > 0) {
+  } else if ((allowance.crack > 0 || allowance.chord_error > 0) && c.tolerance > 0) {
     if (c.max_spheres == 0 && c.balance == Balance::none && !(options.smooth > 0))
       c.only_protrusion = c.only_gap = c.tolerance;
     else
-      c.tolerance -= crack;
+      c.tolerance = left_of(c.tolerance, std::max(allowance.crack, allowance.chord_error));
   }
-  if (c.only_protrusion) *c.only_protrusion -= crack;
-  c.keep_back(moved);
+  if (c.only_protrusion) *c.only_protrusion -= allowance.crack;
+  if (c.only_gap) *c.only_gap = left_of(*c.only_gap, allowance.chord_error);
+  c.keep_back(allowance.moved);
   c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
   return c;
 }
@@ -139,6 +151,7 @@ std::string place_text(const Point& p) {
 // What every step works on, in the unit frame.
 struct Job {
   const PadOptions& options;
+  const ReadResult& file;  // as it was read
   const Mesh& input;
   const Repaired& body;
   const Surface& surface;
@@ -148,6 +161,8 @@ struct Job {
   const std::function<void(const char*, int)>& step;
   const TellShare& within_cull;
   Clock& clock;
+
+  double chord_error() const { return file.chord_error / frame.scale(); }
 };
 
 // Why the spheres leave some of the surface open, and what to do.
@@ -174,12 +189,16 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
   if (job.length > 0) {
     made = by_depth(options, job.length, job.body, job.surface, job.report, job.step, job.clock);
     job.step("cull", 4);
-    if (asked > 0) keep_only(made, thin_balls(job.surface, made.balls, asked, options.effort));
+    if (asked > 0) {
+      const double gap = left_of(asked, job.chord_error());
+      keep_only(made, thin_balls(job.surface, made.balls, gap, options.effort));
+    }
     why = "the spheres of the depth ratio stand out farther, or leave more open";
   } else {
     job.step("cull", 4);
-    CullOptions culling = cull_options(options, tolerance, job.frame.scale(), job.body.steps.crack_width,
-                                       job.frame.coarseness() + job.body.steps.joined_width);
+    CullOptions culling = cull_options(options, tolerance, job.frame.scale(),
+                                       {job.body.steps.crack_width, job.chord_error(),
+                                        job.frame.coarseness() + job.body.steps.joined_width});
     culling.tell = job.within_cull;
     // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
     if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);
@@ -227,7 +246,10 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
     const Point there = job.frame.written(b.center);
     moved = std::max(moved, (there - b.center).norm()), b.center = there;
   }
-  Measured m = measure(job.input, job.body, job.surface, balls, {.floor = asked.gap});
+  // A filled body is covered with all that the chord error adds to it (left_of).
+  const double chord_error = job.report.filled_body ? 0 : job.chord_error();
+  Measured m =
+      measure(job.input, job.body, job.surface, balls, {.floor = asked.gap, .chord_error = chord_error});
   Accuracy& a = m.accuracy;
   PadReport& report = job.report;
   const bool hollow = asked.filled && !report.filled_body && job.body.kind != BodyKind::sheet;
@@ -487,7 +509,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
 
   TellShare within_cull;
   if (progress) within_cull = [&](double share) { progress("cull", 400 + int(100 * share), 600); };
-  const Job job{options, input, body, surface, frame, length, report, step, within_cull, clock};
+  const Job job{options, file, input, body, surface, frame, length, report, step, within_cull, clock};
   Cluster& c = out.cluster;
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {
     const Asked asked(options, rungs[rung], frame.scale());

@@ -13,104 +13,12 @@
 #include "padding/input/text.h"
 #include "padding/mjcf/mjcf.h"
 #include "padding/self_collision.h"
+#include "padding/shape_mesh.h"
 
 namespace padder {
 namespace {
 
 namespace fs = std::filesystem;
-
-Mesh box(const Vector& size) {
-  Mesh mesh;
-  for (int k = 0; k < 8; k++)
-    mesh.points.push_back(size.cwiseProduct(Vector(k & 1, k >> 1 & 1, k >> 2 & 1) - Vector::Constant(0.5)));
-  mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 5, 6}, {5, 7, 6}, {0, 1, 4}, {1, 5, 4},
-                    {2, 6, 3}, {3, 6, 7}, {0, 4, 2}, {2, 4, 6}, {1, 3, 5}, {3, 7, 5}};
-  return mesh;
-}
-
-// In how many chords of at most this error an arc of 2 `half_arc` is cut.
-std::uint32_t chords(double half_arc, double radius, double chord_error, double least, double most) {
-  const double half = std::acos(std::clamp(1 - chord_error / radius, 0.0, 1.0));
-  return static_cast<std::uint32_t>(std::clamp(std::ceil(half_arc / std::max(half, 1e-3)), least, most));
-}
-
-// How far from the centre the corners of a polygon are that has the area of the circle, so that the mass is
-// right.
-double corner_radius(double radius, std::uint32_t corners) {
-  const double step = 2 * std::numbers::pi / corners;
-  return radius * std::sqrt(step / std::sin(step));
-}
-
-// A cylinder along z.
-Mesh cylinder(double radius, double length, double chord_error) {
-  const std::uint32_t n = chords(std::numbers::pi, radius, chord_error, 16, 512);
-  const double corner = 2 * std::numbers::pi / n, r = corner_radius(radius, n);
-  Mesh mesh;
-  for (std::uint32_t k = 0; k < n; k++)
-    for (const double z : {-length / 2, length / 2})
-      mesh.points.emplace_back(r * std::cos(k * corner), r * std::sin(k * corner), z);
-  mesh.points.emplace_back(0, 0, -length / 2), mesh.points.emplace_back(0, 0, length / 2);
-  for (std::uint32_t k = 0; k < n; k++) {
-    const std::uint32_t a = 2 * k, b = 2 * ((k + 1) % n);  // below; above are a + 1, b + 1
-    mesh.triangles.insert(mesh.triangles.end(),
-                          {{a, b, a + 1}, {b, b + 1, a + 1}, {2 * n, b, a}, {2 * n + 1, a + 1, b + 1}});
-  }
-  return mesh;
-}
-
-// A capsule along z: a cylinder whose ends are half spheres. Its lathe profile runs from the lower pole to
-// the upper one.
-Mesh capsule(double radius, double length, double chord_error) {
-  const std::uint32_t quarter = chords(std::numbers::pi / 4, radius, chord_error, 4, 128);
-  const std::uint32_t around = 4 * quarter, rings = 2 * quarter;  // rings between the poles
-  const double wide = corner_radius(radius, around);
-  Mesh mesh;
-  for (std::uint32_t i = 0; i < rings; i++) {
-    const bool upper = i >= quarter;  // the equator stands twice: at either end of the cylinder
-    const double steps = upper ? i - quarter : i + 1.0 - quarter, up = std::numbers::pi / 2 * steps / quarter;
-    const double r = wide * std::cos(up), z = radius * std::sin(up);
-    for (std::uint32_t j = 0; j < around; j++) {
-      const double f = 2 * std::numbers::pi * j / around;
-      mesh.points.emplace_back(r * std::cos(f), r * std::sin(f), z + (upper ? length / 2 : -length / 2));
-    }
-  }
-  const auto low = static_cast<std::uint32_t>(mesh.points.size()), high = low + 1;
-  mesh.points.emplace_back(0, 0, -length / 2 - radius), mesh.points.emplace_back(0, 0, length / 2 + radius);
-  const auto at = [&](std::uint32_t i, std::uint32_t j) { return i * around + j % around; };
-  for (std::uint32_t j = 0; j < around; j++) {
-    mesh.triangles.push_back({low, at(0, j + 1), at(0, j)});
-    mesh.triangles.push_back({high, at(rings - 1, j), at(rings - 1, j + 1)});
-    for (std::uint32_t i = 0; i + 1 < rings; i++)
-      mesh.triangles.insert(mesh.triangles.end(), {{at(i, j), at(i, j + 1), at(i + 1, j + 1)},
-                                                   {at(i, j), at(i + 1, j + 1), at(i + 1, j)}});
-  }
-  return mesh;
-}
-
-// Of MJCF, and a sphere among other shapes; a link of spheres alone is not meshed. Its triangles, between
-// whose corners it bulges, have its volume.
-Mesh ellipsoid(const Vector& half_axes) {
-  constexpr std::uint32_t rings = 32, around = 64;
-  Mesh mesh;
-  mesh.points = {{0, 0, 1}, {0, 0, -1}};
-  for (std::uint32_t i = 1; i < rings; i++)
-    for (std::uint32_t j = 0; j < around; j++) {
-      const double t = std::numbers::pi * i / rings, f = 2 * std::numbers::pi * j / around;
-      mesh.points.emplace_back(std::sin(t) * std::cos(f), std::sin(t) * std::sin(f), std::cos(t));
-    }
-  const auto at = [&](std::uint32_t i, std::uint32_t j) { return 2 + (i - 1) * around + j % around; };
-  for (std::uint32_t j = 0; j < around; j++) {
-    mesh.triangles.insert(mesh.triangles.end(),
-                          {{0, at(1, j), at(1, j + 1)}, {1, at(rings - 1, j + 1), at(rings - 1, j)}});
-    for (std::uint32_t i = 1; i + 1 < rings; i++)
-      mesh.triangles.insert(mesh.triangles.end(), {{at(i, j), at(i + 1, j), at(i + 1, j + 1)},
-                                                   {at(i, j), at(i + 1, j + 1), at(i, j + 1)}});
-  }
-  const double ball = 4 * std::numbers::pi / 3;
-  const double grown = std::cbrt(ball / mass_properties(mesh).volume);
-  for (Point& p : mesh.points) p = grown * p.cwiseProduct(half_axes);
-  return mesh;
-}
 
 bool y_up(const fs::path& file) {
   const std::string ending = reading::lower_case(file.extension().string());
@@ -134,6 +42,17 @@ double extent(const UrdfLink& link, const std::vector<ReadResult>& files) {
       box.add(s.pose.translation() - s.size), box.add(s.pose.translation() + s.size);
   }
   return box.diagonal();
+}
+
+// Of round shapes: a twentieth of the gap, or of 1 % of the diagonal where none is asked for. It is taken off
+// the gap, which costs spheres, and a smaller one costs triangles.
+double chord_error_for(const PadOptions& options, double diagonal) {
+  double error = diagonal / 100;
+  if (!options.by_tolerance() && options.edge_length.given())
+    error = std::min(error, options.depth_ratio_used() * options.edge_length.absolute(diagonal));
+  for (const Length& l : options.lod) error = std::min(error, l.absolute(diagonal));
+  const Length asked = options.gap_used().given() ? options.gap_used() : options.protrusion_used();
+  return (asked.given() ? asked.absolute(diagonal) : error) / 20;
 }
 
 bool only_spheres(const UrdfLink& link) {
@@ -166,7 +85,7 @@ Cluster spheres_of(const UrdfLink& link, const fs::path& urdf) {
 
 }  // namespace
 
-ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
+ReadResult read_link(const UrdfLink& link, const fs::path& urdf, const PadOptions& options) {
   std::vector<ReadResult> files(link.shapes.size());
   for (std::size_t k = 0; k < files.size(); k++) {
     if (link.shapes[k].type != UrdfShape::Type::mesh) continue;
@@ -174,7 +93,7 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
     if (y_up(link.shapes[k].file))
       for (Point& p : files[k].mesh.points) p = Point(p.x(), -p.z(), p.y());
   }
-  const double chord_error = extent(link, files) / 400;
+  const double chord_error = chord_error_for(options, extent(link, files));
   ReadResult all;
   all.unit = "m";
   for (const ReadResult& f : files)
@@ -185,13 +104,10 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf) {
       all.mesh.add(placed(std::move(files[k].mesh), s));
       all.source.triangles += files[k].source.triangles;
     } else {
-      const Mesh mesh = s.type == UrdfShape::Type::box        ? box(s.size)
-                        : s.type == UrdfShape::Type::cylinder ? cylinder(s.size.x(), s.size.z(), chord_error)
-                        : s.type == UrdfShape::Type::capsule
-                            ? capsule(s.size.x(), s.size.z(), chord_error / 4)
-                            : ellipsoid(s.size);
-      all.mesh.add(placed(mesh, s));
-      all.source.triangles += mesh.triangles.size();
+      const ShapeMesh shape = shape_mesh(s, chord_error);
+      all.mesh.add(placed(shape.mesh, s));
+      all.source.triangles += shape.mesh.triangles.size();
+      all.chord_error = std::max(all.chord_error, shape.chord_error);
     }
   }
   if (files.size() == 1 && link.shapes[0].type == UrdfShape::Type::mesh)
@@ -209,7 +125,10 @@ struct Task {
   ReadResult file;
 };
 
-bool same_mesh(const Mesh& a, const Mesh& b) { return a.points == b.points && a.triangles == b.triangles; }
+bool same_body(const ReadResult& a, const ReadResult& b) {
+  return a.mesh.points == b.mesh.points && a.mesh.triangles == b.mesh.triangles &&
+         a.chord_error == b.chord_error;
+}
 
 // Pads the links side by side, the largest first. Each takes its portion of the threads. Of links with the
 // same shapes, as the wheels of a base, the first is padded for all.
@@ -222,7 +141,7 @@ class Links {
     });
     for (std::size_t k = 0; k < tasks_.size(); k++) {
       std::size_t same = 0;  // k at last, as a mesh that holds NaN does not equal itself
-      while (same < k && !same_mesh(tasks_[same].file.mesh, tasks_[k].file.mesh)) same++;
+      while (same < k && !same_body(tasks_[same].file, tasks_[k].file)) same++;
       first_.push_back(same);
     }
   }
@@ -369,7 +288,7 @@ PaddedRobot pad_robot(const fs::path& path, Urdf urdf, const PadOptions& asked, 
       continue;
     }
     try {
-      tasks.push_back({k, read_link(link, path)});
+      tasks.push_back({k, read_link(link, path, options)});
     } catch (const Error& e) {
       throw Error(path.string() + ", link " + link.name + ": " + e.what());
     }

@@ -29,14 +29,16 @@ struct RobotOptions {
 };
 
 // Returns the shapes of a link as if they had been one mesh file, in the link's frame and in metres. Meshes
-// are scaled, and turned over where the scale mirrors them. glTF is turned from Y up to Z up. The chords of a
-// cylinder are within a 400th of the link's diagonal of its circle. Throws Error as read_mesh.
-ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf);
+// are scaled, and turned over where the scale mirrors them. glTF is turned from Y up to Z up. Round shapes
+// become polyhedra inside them, whose chord error is about a twentieth of the gap that `options` allow, or a
+// 2000th of the link's diagonal where they say nothing of it. Throws Error as read_mesh.
+ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf, const PadOptions& options = {});
 
 // The shapes of a link are one body: repair unites meshes, boxes and cylinders that overlap. A link that has
 // only spheres keeps them unmeasured, and several spheres get no mass properties. `options` holds for each
-// link by itself: a Length::share() is of the link's own diagonal. Its family and mask are not used. Links
-// are padded side by side on all threads, with the same result for any number of threads. model.apart lists
+// link by itself: a Length::share() is of the link's own diagonal. Its family and mask are not used. Bounds
+// are against the shapes themselves, and not only against the polyhedra that stand for round ones. Links are
+// padded side by side on all threads, with the same result for any number of threads. model.apart lists
 // neighbours, and what self_collisions() finds. A step of `progress` is a link. Throws Error, which names
 // link and file.
 PaddedRobot pad_robot(const std::filesystem::path& file, Urdf robot, const PadOptions& options,

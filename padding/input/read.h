@@ -25,6 +25,8 @@ struct ReadResult {
   std::string unit;   // of the coordinates; "" when neither the file nor the options name it
   // What was left out or changed, one clause each; most often empty.
   std::vector<std::string> notes;
+  // Of a mesh that stands for round shapes: it lies within them, and no point of theirs is farther from it.
+  double chord_error = 0;
 };
 
 // The ending of the file, in any case, says its format.
@@ -52,7 +54,8 @@ struct ReadResult {
 //
 // tinyobjloader reads OBJ. OFF, PLY, STL and 3MF are read here, because assimp 5.2 keeps only floats, drops
 // faces of an OFF with more than nine corners, takes the strips of a PLY for one triangle, and does not tell
-// the unit of a 3MF. assimp reads the rest. Each file is read in a process of its own (padding/asset/child.h).
+// the unit of a 3MF. assimp reads the rest. Each file is read in a process of its own
+// (padding/asset/child.h).
 //
 // Throws Error, one sentence that names the file and the place, for: an absent or empty file, an unknown
 // ending, malformed or truncated content, an index out of range, a used vertex that is not finite, no

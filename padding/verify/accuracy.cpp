@@ -124,8 +124,8 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   a.gap_mean = gap.mean, a.gap_p95 = gap.p95;
   a.coverage = points.empty() ? 0 : double(covered) / double(points.size());
   // Where corners were joined, the surface is as far from the input as they were moved.
-  const double floor = std::max(0.0, options.floor - body.steps.joined_width);
-  a.gap_bound = gap_bound(body_surface.mesh(), set, floor).upper + body.steps.joined_width;
+  const double away = body.steps.joined_width + options.chord_error;
+  a.gap_bound = gap_bound(body_surface.mesh(), set, std::max(0.0, options.floor - away)).upper + away;
   // Triangles without area may lie apart from the others, so they are measured, too.
   if (!wrap) m.flat_gap = gap_bound(body.flat, set, options.floor).upper;
   a.gap_bound = std::max(a.gap_bound, m.flat_gap);

@@ -17,6 +17,9 @@ struct AccuracyOptions {
   // Points on the spheres: as many in all, and as many on each besides.
   std::int64_t ball_samples = 20000, samples_of_each_ball = 100;
   double floor = 0;  // gaps up to this size need not be told apart (gap_bound)
+  // Where the mesh stands for a larger body: no point of the body's surface is farther from that of the mesh.
+  // gap_bound has it added.
+  double chord_error = 0;
 };
 
 // What measure() gives.

@@ -182,12 +182,11 @@ class Audit {
       const UrdfLink& link = urdf_.links[k];
       if (link.shapes.empty()) continue;
       Part& part = parts_[k];
-      const Mesh mesh = read_link(link, robot).mesh;
+      const ReadResult file = read_link(link, robot);  // its round shapes are a little too small
+      const Mesh& mesh = file.mesh;
       part.spheres = read_spheres(spheres, link.name);
       const Json& accuracy = told.at(link.name).at("accuracy");
-      if (accuracy.is_null()) {  // spheres that were kept: a mesh of 32 by 64 facets has their volume
-        part.protrusion = 0.003 * *std::max_element(part.spheres.radii.begin(), part.spheres.radii.end());
-        part.gap = part.protrusion;
+      if (accuracy.is_null()) {  // spheres that were kept
         part.shape = shape_of(mesh, mesh);
       } else {
         if (!accuracy.at("certified").get<bool>() || accuracy.at("proved_against") == "wrap")
@@ -195,6 +194,7 @@ class Audit {
         part.protrusion = accuracy.at("protrusion_bound"), part.gap = accuracy.at("gap_bound");
         set_shape(part, mesh, told.at(link.name), link.name);
       }
+      part.protrusion += file.chord_error;
       const Box& box = part.shape.box;
       part.center = 0.5 * (box.low + box.high);
       part.radius = 0.5 * box.diagonal() + part.protrusion;
