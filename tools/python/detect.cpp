@@ -18,6 +18,8 @@ using namespace pybind11::literals;
 
 namespace {
 
+using Threads = Whole<int, detect::kMostThreads>;
+
 // A detector and who uses it. The arrays that its last call returned are views of its memory. Everything but
 // `detector` is protected by Python's global lock.
 struct SharedDetector {
@@ -43,7 +45,8 @@ class Views {
   // Throws AttributeError if there are no such data although there could be some.
   static void require(const void* data, std::uint64_t count, const char* what, const char* where) {
     if (!data && count)
-      throw py::attribute_error(std::string(what) + " were not asked for: see `" + where + "`");
+      throw py::attribute_error("there is no `" + std::string(what) + "`, which was not asked for: see `" +
+                                where + "`");
   }
   template <class T>
   py::object array(const void* data, std::uint64_t rows, std::int64_t columns, std::int64_t row,
@@ -94,13 +97,13 @@ class PyContacts : public Views {
     return array<std::uint32_t>(contacts_.pairs, contacts_.count, 2, 2, 0);
   }
   py::object history() const {
-    check(), require(contacts_.history, contacts_.count, "histories", "history");
+    check(), require(contacts_.history, contacts_.count, "history", "history");
     return array<std::uint32_t>(contacts_.history, contacts_.count, 1, 1, 0);
   }
   py::object normals() const { return reals(contacts_.normals, "normals", 3, 4, 0); }
-  py::object depth() const { return reals(contacts_.normals, "depths", 1, 4, 3); }
-  py::object points_i() const { return reals(contacts_.points, "points", 3, 6, 0); }
-  py::object points_j() const { return reals(contacts_.points, "points", 3, 6, 3); }
+  py::object depth() const { return reals(contacts_.normals, "depth", 1, 4, 3); }
+  py::object points_i() const { return reals(contacts_.points, "points_i", 3, 6, 0); }
+  py::object points_j() const { return reals(contacts_.points, "points_j", 3, 6, 3); }
 
  private:
   py::object reals(const void* data, const char* what, std::int64_t columns, std::int64_t row,
@@ -120,9 +123,9 @@ class PyWorldAnswers : public Views {
 
   std::uint64_t worlds() const { return answers_.worlds; }
   py::object any() const { return one_each<bool>(answers_.any, "any", 1); }
-  py::object count() const { return one_each<std::uint64_t>(answers_.count, "counts", 1); }
-  py::object distance() const { return one_each<double>(answers_.distance, "distances", 1); }
-  py::object pair() const { return one_each<std::uint32_t>(answers_.pair, "pairs", 2); }
+  py::object count() const { return one_each<std::uint64_t>(answers_.count, "count", 1); }
+  py::object distance() const { return one_each<double>(answers_.distance, "distance", 1); }
+  py::object pair() const { return one_each<std::uint32_t>(answers_.pair, "pair", 2); }
 
  private:
   template <class T>
@@ -422,8 +425,7 @@ void add_detect(py::module_& m) {
   py::class_<PyDetector>(
       m, "Detector",
       "Finds contacts again and again, and keeps its memory, and what stands still, from call to call.")
-      .def(py::init<const std::string&, const std::string&, const std::string&, Whole<int>, Whole<int>,
-                    bool>(),
+      .def(py::init<const std::string&, const std::string&, const std::string&, Threads, Whole<int>, bool>(),
            py::kw_only(), "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact",
            "threads"_a = 0, "device"_a = 0, "history"_a = false)
       .def_property_readonly("backend", &PyDetector::backend)
@@ -459,7 +461,7 @@ void add_detect(py::module_& m) {
       "detect",
       [](Objects centers, Objects radii, Objects family, Objects mask, Objects is_static, Objects world,
          MaybeBodies bodies, double margin, const std::string& width, const std::string& backend,
-         const std::string& precision, Whole<int> threads, Whole<int> device) {
+         const std::string& precision, Threads threads, Whole<int> device) {
         return PyDetector(width, backend, precision, threads, device)
             .detect({centers, radii, family, mask, is_static, world, bodies}, margin);
       },
@@ -473,7 +475,7 @@ void add_detect(py::module_& m) {
       "worlds",
       [](Whole<std::uint32_t> count, const std::string& answer, Objects centers, Objects radii,
          Objects family, Objects mask, Objects is_static, Objects world, MaybeBodies bodies, double margin,
-         const std::string& backend, Whole<int> threads, Whole<int> device) {
+         const std::string& backend, Threads threads, Whole<int> device) {
         return PyDetector("pairs", backend, "exact", threads, device)
             .worlds(count, answer, {centers, radii, family, mask, is_static, world, bodies}, margin);
       },

@@ -9,7 +9,7 @@
 
 namespace padder::python {
 
-template <class T>
+template <class T, T kMost = std::numeric_limits<T>::max()>
 struct Whole {
   T value = 0;
   operator T() const { return value; }
@@ -20,16 +20,17 @@ struct Whole {
 namespace pybind11::detail {
 
 // pybind11 finds it by the type. Anything but a whole number is its usual TypeError.
-template <class T>
-struct type_caster<padder::python::Whole<T>> {
-  PYBIND11_TYPE_CASTER(padder::python::Whole<T>, const_name("int"));
+template <class T, T kMost>
+struct type_caster<padder::python::Whole<T, kMost>> {
+  using Number = padder::python::Whole<T, kMost>;
+  PYBIND11_TYPE_CASTER(Number, const_name("int"));
 
   bool load(handle source, bool) {
     if (!PyIndex_Check(source.ptr())) return false;
     const object number = reinterpret_steal<object>(PyNumber_Index(source.ptr()));
     if (!number) throw error_already_set();
     const unsigned long long given = PyLong_AsUnsignedLongLong(number.ptr());
-    constexpr auto most = static_cast<unsigned long long>(std::numeric_limits<T>::max());
+    constexpr auto most = static_cast<unsigned long long>(kMost);
     const bool outside = PyErr_Occurred() != nullptr;
     PyErr_Clear();
     if (outside || given > most)
@@ -38,7 +39,7 @@ struct type_caster<padder::python::Whole<T>> {
     value.value = static_cast<T>(given);
     return true;
   }
-  static handle cast(padder::python::Whole<T> whole, return_value_policy, handle) {
+  static handle cast(Number whole, return_value_policy, handle) {
     return PyLong_FromUnsignedLongLong(static_cast<unsigned long long>(whole.value));
   }
 };
