@@ -328,6 +328,9 @@ void add_warnings(const PadOptions& options, const Asked& asked, const Repaired&
     report.warnings.push_back(c.source.file + ": the normals are off by " + short_number(error, 3) +
                               " degrees in the mean, and --smooth asks for " +
                               short_number(options.smooth, 3) + ": use a smaller tolerance or more spheres");
+  if (options.thickness.given() && body.kind != BodyKind::sheet && body.sheet == 0)
+    report.warnings.push_back(c.source.file +
+                              ": it has no sheet, so that a thickness has no effect: leave it out");
   if (asked.filled) warn_of_sheet(body, c.source.file, report);
 }
 
@@ -564,7 +567,7 @@ Padded pad_file(const std::filesystem::path& path, const ReadOptions& reading, c
   const double seconds = clock.lap();
   try {
     Padded out = pad(file, options, progress);
-    out.report.seconds.read = seconds;
+    out.report.seconds.read = seconds, out.report.notes = file.notes;
     return out;
   } catch (const Error& e) {  // of a batch, which mesh?
     const std::string what = e.what(), name = path.string();

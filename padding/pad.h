@@ -39,6 +39,7 @@ struct PadReport {
   // Do protrusion_max and gap_max of every level of detail keep its tolerance? True when none was asked for.
   // Of an open sheet the protrusion is sampled, so this is no proof; Accuracy::certified is.
   bool within = true;
+  std::vector<std::string> notes;     // what reading left out or changed (ReadResult::notes)
   std::vector<std::string> warnings;  // one sentence each, about what was probably not meant
   std::string reason;                 // why the cluster is not certified, in words; empty when it is
   double grid_entries = 0;  // of the spheres in the detector's grid, with cells as wide as the largest sphere
@@ -76,7 +77,7 @@ using PadProgress = std::function<void(const char* step, int done, int of)>;
 // read.h, repair.h and pad_options.h refuse.
 Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress& progress = {});
 
-// The same for a file, which is read first. Fills report.seconds.read, too.
+// The same for a file, which is read first. Fills report.seconds.read and report.notes, too.
 Padded pad_file(const std::filesystem::path& path, const ReadOptions& reading, const PadOptions& options,
                 const PadProgress& progress = {});
 

@@ -103,6 +103,14 @@ void check(const PadOptions& options) {
         "an edge length has no effect on spheres that a tolerance or a count chooses: leave it out, or give "
         "a "
         "depth ratio as well");
+  if (options.sharp_angle != PadOptions().sharp_angle && !options.by_depth())
+    throw Error(
+        "a sharp angle has no effect on spheres that a tolerance or a count chooses: leave it out, or give a "
+        "depth ratio as well");
+  if (options.effort != PadOptions().effort && !options.by_tolerance())
+    throw Error(
+        "an effort has no effect on the spheres of a depth ratio: leave it out, or ask for a tolerance or a "
+        "count");
   if (options.depth_ratio && options.max_spheres > 0)
     throw Error("a depth ratio and a count exclude each other: leave out one of them");
   if (options.depth_ratio && options.by_tolerance() &&
@@ -123,17 +131,22 @@ void check_meant(const PadOptions& options, const Box& box, const std::string& n
       throw Error(name + ": a tolerance of " + short_number(l.absolute(diagonal), 6) +
                   " is beyond a million diagonals: use a smaller one");
   if (options.force) return;
-  const auto refuse = [&](const char* what, const Length& l, const std::string& why) {
+  const auto named = [&](const char* what, const Length& l) {
     const double length = l.absolute(diagonal);
-    throw Error(
-        name + ": " + what + " of " + short_number(length, 6) + " (" +
-        short_number(100 * length / diagonal, 4) + " % of the diagonal) " + why +
-        ": write a share of the diagonal as 5%, a length in the mesh's own unit without a sign; --force "
-        "accepts it as it is");
+    return std::string(what) + " of " + short_number(length, 6) + " (" +
+           short_number(100 * length / diagonal, 4) + " % of the diagonal)";
   };
   if (options.min_radius.given() && options.max_radius.given() &&
       options.min_radius.absolute(diagonal) > options.max_radius.absolute(diagonal))
-    refuse("a smallest radius", options.min_radius, "is above the largest one");
+    throw Error(name + ": " + named("a smallest radius", options.min_radius) + " is above " +
+                named("the largest one", options.max_radius) +
+                ": use a smaller --min-radius or a larger --max-radius");
+  const auto refuse = [&](const char* what, const Length& l, const std::string& why) {
+    throw Error(
+        name + ": " + named(what, l) + " " + why +
+        ": write a share of the diagonal as 5%, a length in the mesh's own unit without a sign; --force "
+        "accepts it as it is");
+  };
   const double widest = std::max(0.5 * thinnest, 0.1 * diagonal);
   std::vector<Length> tolerances = options.lod;
   tolerances.push_back(options.protrusion_used());

@@ -84,7 +84,9 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
       fail(where, at_line(lines.number()) + "the file ends within a face of " + std::to_string(corners) +
                       (corners == 1 ? " corner" : " corners") + ": it is cut short, export it again");
   }
-  if (others) soup.notes.push_back(std::to_string(others) + " lines, curves or points left out");
+  if (others)
+    soup.notes.push_back(std::to_string(others) +
+                         (others == 1 ? " line, curve or point" : " lines, curves or points") + " left out");
   if (largest > static_cast<std::int64_t>(soup.points.size()))
     fail(where, at_line(largest_line) + "a face names vertex " + std::to_string(largest) +
                     ", but the file has only " + std::to_string(soup.points.size()) +

@@ -25,6 +25,7 @@ PadOptions with(const std::function<void(PadOptions&)>& set) {
 TEST(PadOptions, WhatMakesNoSenseIsRefused) {
   EXPECT_NO_THROW(check({}));
   EXPECT_NO_THROW(check(with([](PadOptions& o) { o.max_radius = Length::of(0.1); })));
+  EXPECT_NO_THROW(check(with([](PadOptions& o) { o.depth_ratio = 0.2, o.sharp_angle = 10, o.effort = 3; })));
   const std::function<void(PadOptions&)> wrong[] = {
       [](PadOptions& o) { o.tolerance = Length::share(kNan); },
       [](PadOptions& o) { o.tolerance = Length::of(kInfinity); },
@@ -45,6 +46,8 @@ TEST(PadOptions, WhatMakesNoSenseIsRefused) {
       [](PadOptions& o) { o.tolerance = {}, o.max_radius = Length::of(0.1); },  // without effect
       [](PadOptions& o) { o.depth_ratio = 0.2, o.min_radius = Length::of(0.1); },
       [](PadOptions& o) { o.tolerance = {}, o.smooth = 5; },
+      [](PadOptions& o) { o.tolerance = {}, o.effort = 3; },
+      [](PadOptions& o) { o.sharp_angle = 10; },
       [](PadOptions& o) { o.gap = Length::of(-1); },
       [](PadOptions& o) { o.protrusion = Length::share(kNan); },
       [](PadOptions& o) { o.tolerance = {}, o.gap = Length::of(0); },         // no protrusion

@@ -122,6 +122,17 @@ def test_every_option_of_the_command_line():
     assert padder.pad(CUBE, FACES, lod=["6%", "3%"]).settings["lod"] == pytest.approx([0.06 * 3**0.5, 0.03 * 3**0.5])
 
 
+def test_warnings_of_padding_are_warnings():
+    with pytest.warns(UserWarning, match="a thickness has no effect"):
+        padder.pad(CUBE, FACES, tolerance="10%", thickness="1%")
+
+
+def test_threads_have_one_range():
+    for threads in (-1, 1025):
+        with pytest.raises(ValueError, match="give a whole number from 0 to 1024"):
+            padder.detect(np.zeros((1, 3)), 1.0, threads=threads)
+
+
 def test_a_mesh_object_is_taken_as_it_is(cube):
     class Trimesh:
         vertices, faces = CUBE, FACES

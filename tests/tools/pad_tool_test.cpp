@@ -175,6 +175,34 @@ TEST_F(Pad, OfSeveralMeshesTheSentenceNamesTheOne) {
   }
 }
 
+TEST_F(Pad, WhatHasNoEffectIsSaid) {
+  cube("a.obj"),
+      put("curve.obj", obj_of(shapes::box({0, 0, 0}, {1, 1, 1})) + "cstype bezier\ncurv 0 1 1 2\n");
+  for (const char* arguments : {"a.obj --tolerance 5% --sharp-angle 10", "a.obj --depth 0.2 --effort 3",
+                                "a.obj --effort 0", "a.obj --tolerance 5% --colour gap"})
+    expect_one_sentence(pad(arguments), 2);
+  EXPECT_TRUE(files().empty());
+  const Outcome thick = pad("a.obj --tolerance 10% --thickness 1% -q");
+  EXPECT_EQ(thick.code, 0);
+  EXPECT_EQ(pad("a.obj --tolerance 10% --thickness 1% --colour never").err,
+            "pad: warning: a.obj: it has no sheet, so that a thickness has no effect: leave it out\n");
+  const Outcome curve = pad("curve.obj --tolerance 10%");
+  EXPECT_NE(curve.out.find("\n  note: 1 line, curve or point left out\n"), std::string::npos) << curve.out;
+}
+
+TEST_F(Pad, WhatIsNotThereIsTheCause) {
+  for (const std::string absent : {"absent/", "{a,b}.obj"})
+    EXPECT_EQ(pad("'" + absent + "' -o out").err,
+              "pad: cannot open " + absent + ": check the name and that it may be read\n");
+}
+
+TEST_F(Pad, RadiiThatExcludeEachOtherNameTheRemedy) {
+  cube("a.obj");
+  EXPECT_EQ(pad("a.obj --tolerance 2% --min-radius 10% --max-radius 5%").err,
+            "pad: a.obj: a smallest radius of 0.173205 (10 % of the diagonal) is above the largest one of "
+            "0.0866025 (5 % of the diagonal): use a smaller --min-radius or a larger --max-radius\n");
+}
+
 TEST_F(Pad, ASmoothnessThatIsMissedIsSaid) {
   cube("a.obj");
   const Outcome rough = pad("a.obj --max-spheres 20 --smooth 1 --json");

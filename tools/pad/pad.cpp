@@ -202,6 +202,8 @@ void end_after(const PadArguments& a) {
 
 int run(PadArguments& a, const CLI::App& app, cli::StreamFiles& files) {
   use_streams(a, files);
+  if (a.colour != PadArguments().colour && a.preview.empty())
+    throw UsageError("--colour is of --preview, and there is none: leave it out, or name a preview");
   if (lists_parts(a)) return run_parts(a, settings_of(app));
   if (a.meshes.empty())
     throw UsageError("name a mesh, a folder of meshes, or --manifest FILE (see pad --help)");

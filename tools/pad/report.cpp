@@ -108,6 +108,7 @@ Json report_json(const PadArguments& a, const std::string& file, const PadTarget
           {"body_covered", r.filled_body},
           {"within", r.within},
           {"reason", r.reason.empty() ? Json(nullptr) : Json(r.reason)},
+          {"notes", r.notes},
           {"warnings", warnings},
           {"grid_entries", r.grid_entries},
           {"lods", lods},
@@ -164,13 +165,16 @@ Json report_json(const PadArguments& a, const std::string& file, const PadTarget
 void print_report(const PadArguments& a, const std::string& file, const PadTarget& target, const Padded& p) {
   const auto& r = p.report;
   const auto& c = p.cluster;
-  std::printf("%s: %llu triangles", cli::StreamFiles::spoken(file).c_str(),
-              (unsigned long long)r.triangles_in);
+  std::printf("%s: %s", cli::StreamFiles::spoken(file).c_str(),
+              cli::counted(r.triangles_in, "triangle").c_str());
   if (r.triangles_remeshed > 0) std::printf(", remeshed to %llu", (unsigned long long)r.triangles_remeshed);
   std::printf("; repair: %s\n", c.source.repair.c_str());
+  for (const std::string& note : r.notes) std::printf("  note: %s\n", note.c_str());
   for (const auto& lod : c.lods)
-    std::printf("  %zu spheres: %s\n", lod.radii.size(), errors_text(lod.accuracy, r.diagonal).c_str());
-  std::printf("  %zu spheres: %s\n", c.size(), errors_text(c.accuracy, r.diagonal).c_str());
+    std::printf("  %s: %s\n", cli::counted(lod.radii.size(), "sphere").c_str(),
+                errors_text(lod.accuracy, r.diagonal).c_str());
+  std::printf("  %s: %s\n", cli::counted(c.size(), "sphere").c_str(),
+              errors_text(c.accuracy, r.diagonal).c_str());
   print_repair(r, c.accuracy);
   if (c.accuracy.proved_against == SurfaceKind::none)
     std::printf("  an open sheet has no inside: its protrusion is measured, not proved\n");

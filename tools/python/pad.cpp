@@ -179,14 +179,24 @@ py::array vector_of(const Vector& v) {
   return a;
 }
 
+void warn(const std::vector<std::string>& sentences) {
+  for (const std::string& told : sentences)
+    if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
+}
+
 void save_model(const Model& model, const std::filesystem::path& path, const std::string& format,
                 double density) {
   if (!(density > 0) || !std::isfinite(density)) throw py::value_error("density must be positive");
   if (path.has_parent_path()) need_file(path.parent_path());
   if (format.empty() && path.extension() == ".json" && !model.robot())
     return write_cluster(model.bodies[0].cluster, path);
-  for (const std::string& told : write_model(model, path, find_format(path, format), {density}))
-    if (PyErr_WarnEx(PyExc_UserWarning, told.c_str(), 1) != 0) throw py::error_already_set();
+  warn(write_model(model, path, find_format(path, format), {density}));
+}
+
+// The cluster of what was padded.
+std::shared_ptr<Cluster> cluster_of(Padded padded) {
+  warn(padded.report.warnings);
+  return std::make_shared<Cluster>(std::move(padded.cluster));
 }
 
 // The names of a cluster, and the arrays of its spheres, which are views of the cluster's memory.
@@ -288,9 +298,9 @@ void add_pad_of_arrays(py::module_& m) {
         file.unit = unit, file.source.file = name, file.source.triangles = file.mesh.triangles.size();
         if (file.mesh.triangles.empty())
           throw py::value_error("faces is empty: a mesh needs at least one triangle");
-        return interruptible([file = std::move(file), options](const PadProgress& progress) {
-          return std::make_shared<Cluster>(padder::pad(file, options, progress).cluster);
-        });
+        return cluster_of(interruptible([file = std::move(file), options](const PadProgress& progress) {
+          return padder::pad(file, options, progress);
+        }));
       },
       "vertices"_a, "faces"_a = py::none(), "depth"_a = py::none(), "tolerance"_a = py::none(),
       "edge_length"_a = py::none(), "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto",
@@ -322,9 +332,9 @@ void add_pad_of_file(py::module_& m) {
                                               family, mask, protrusion, gap, more);
         need_unit(unit), need_file(path);
         if (!(scale > 0) || !std::isfinite(scale)) throw py::value_error("scale must be positive");
-        return interruptible([=](const PadProgress& progress) {
-          return std::make_shared<Cluster>(padder::pad_file(path, {scale, unit}, options, progress).cluster);
-        });
+        return cluster_of(interruptible([=](const PadProgress& progress) {
+          return padder::pad_file(path, {scale, unit}, options, progress);
+        }));
       },
       "path"_a, "depth"_a = py::none(), "tolerance"_a = py::none(), "edge_length"_a = py::none(),
       "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto", "family"_a = 0, "mask"_a = 0,
@@ -379,9 +389,11 @@ void add_robot(py::module_& m) {
         RobotOptions whole;
         whole.reading.package_folders = package_path, whole.reading.visual = visual;
         whole.max_spheres = robot_spheres, whole.poses = poses;
-        return interruptible([=](const PadProgress& progress) {
+        auto robot = interruptible([=](const PadProgress& progress) {
           return std::make_shared<PaddedRobot>(pad_robot(path, options, whole, progress));
         });
+        for (const PadReport& report : robot->reports) warn(report.warnings);
+        return robot;
       },
       "path"_a, "depth"_a = py::none(), "tolerance"_a = py::none(), "edge_length"_a = py::none(),
       "max_spheres"_a = 0, "robot_spheres"_a = 0, "visual"_a = false,

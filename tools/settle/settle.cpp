@@ -112,6 +112,8 @@ void check(const Arguments& a, const CLI::App& app) {
   if (a.output.empty()) refuse_options(app, {"--frames"}, " counts what -o writes: name a file with -o");
   if (!a.make.empty()) {
     if (!a.scene.empty()) throw UsageError("--make makes the scene: leave " + a.scene + " out");
+    if (a.make == "silo")
+      refuse_options(app, {"--cluster"}, " is for the ball and the track: the silo has grains, leave it out");
     if (ending == ".json")
       return refuse_options(app,
                             {"--steps", "--frames", "--until-rest", "--checkpoint", "--resume", "--skin",

@@ -138,6 +138,7 @@ with tempfile.TemporaryDirectory() as folder:
     at_once = report("--make", "silo", "--count", 400, "-o", "silo.html", "--steps", 200)
     assert at_once["grains"] == 400 and at_once["state"] == from_file["state"] and os.path.exists("silo.html")
     refused("name with -o what to write", "--make", "silo", code=2)
+    refused("--cluster is for the ball and the track", "--make", "silo", "--cluster", "absent", "-o", "silo.json", code=2)
     no_utf8 = os.fsdecode(b"\xff.json")
     assert report("--make", "silo", "--count", 400, "-o", no_utf8)["count"] == 400
     assert report(no_utf8, "--steps", 1, "-o", os.fsdecode(b"\xff.npz"))["grains"] == 400
