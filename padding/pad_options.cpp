@@ -107,10 +107,6 @@ void check(const PadOptions& options) {
     throw Error(
         "a sharp angle has no effect on spheres that a tolerance or a count chooses: leave it out, or give a "
         "depth ratio as well");
-  if (options.effort != PadOptions().effort && !options.by_tolerance())
-    throw Error(
-        "an effort has no effect on the spheres of a depth ratio: leave it out, or ask for a tolerance or a "
-        "count");
   if (options.depth_ratio && options.max_spheres > 0)
     throw Error("a depth ratio and a count exclude each other: leave out one of them");
   if (options.depth_ratio && options.by_tolerance() &&

@@ -46,7 +46,6 @@ TEST(PadOptions, WhatMakesNoSenseIsRefused) {
       [](PadOptions& o) { o.tolerance = {}, o.max_radius = Length::of(0.1); },  // without effect
       [](PadOptions& o) { o.depth_ratio = 0.2, o.min_radius = Length::of(0.1); },
       [](PadOptions& o) { o.tolerance = {}, o.smooth = 5; },
-      [](PadOptions& o) { o.tolerance = {}, o.effort = 3; },
       [](PadOptions& o) { o.sharp_angle = 10; },
       [](PadOptions& o) { o.gap = Length::of(-1); },
       [](PadOptions& o) { o.protrusion = Length::share(kNan); },

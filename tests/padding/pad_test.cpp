@@ -332,11 +332,11 @@ TEST(Pad, WhatIsCertifiedWithoutRepairIsTrue) {
     for (const bool depth : {false, true}) {
       SCOPED_TRACE(name + (depth ? ", depth" : ", tolerance"));
       PadOptions options;
-      options.repair = RepairMode::never;
+      options.repair = RepairMode::never, options.effort = 0;
       if (depth)
         options.edge_length = Length::share(0.06);
       else
-        options.tolerance = Length::share(0.03), options.effort = 0;
+        options.tolerance = Length::share(0.03);
       const Padded p = pad(as_file(mesh), options);
       const Accuracy& a = p.cluster.accuracy;
       EXPECT_EQ(a.proved_against, SurfaceKind::input);
@@ -471,11 +471,11 @@ TEST(Pad, ABodyIsSaidToBeCoveredOnlyIfItIs) {
 TEST(Pad, NoSampleOfAThickSheetIsAboveTheBound) {
   const FinnedCube body;
   for (const bool by_depth : {false, true}) {
-    PadOptions options;
+    PadOptions options{.effort = 0};
     if (by_depth)
       options.edge_length = Length::of(0.1);
     else
-      options.tolerance = Length::of(0.05), options.effort = 0;
+      options.tolerance = Length::of(0.05);
     options.thickness = Length::of(0.2);
     const Padded p = pad(as_file(body.mesh), options);
     const Accuracy& a = p.cluster.accuracy;

@@ -178,8 +178,7 @@ TEST_F(Pad, OfSeveralMeshesTheSentenceNamesTheOne) {
 TEST_F(Pad, WhatHasNoEffectIsSaid) {
   cube("a.obj"),
       put("curve.obj", obj_of(shapes::box({0, 0, 0}, {1, 1, 1})) + "cstype bezier\ncurv 0 1 1 2\n");
-  for (const char* arguments : {"a.obj --tolerance 5% --sharp-angle 10", "a.obj --depth 0.2 --effort 3",
-                                "a.obj --effort 0", "a.obj --tolerance 5% --colour gap"})
+  for (const char* arguments : {"a.obj --tolerance 5% --sharp-angle 10", "a.obj --tolerance 5% --colour gap"})
     expect_one_sentence(pad(arguments), 2);
   EXPECT_TRUE(files().empty());
   const Outcome thick = pad("a.obj --tolerance 10% --thickness 1% -q");

@@ -39,10 +39,10 @@ void crashed(int signal) {
 
 PadOptions options_of(RandomMesh& random) {
   PadOptions o;
+  o.effort = 0;
   if (random.chance(0.1)) {
     o.depth_ratio = 0.3, o.edge_length = Length::share(0.2);
   } else {
-    o.effort = 0;
     o.tolerance = Length::share(random.chance(0.05) ? 0.04 : random.chance(0.5) ? 0.1 : 0.2);
     if (random.chance(0.1))
       o.gap = Length::of(0);
