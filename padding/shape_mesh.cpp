@@ -21,7 +21,8 @@ Mesh box(const Vector& size) {
 // that the mesh has the bounding box of its shape.
 std::uint32_t corners_around(double half_turn) {
   const double n = std::ceil(std::numbers::pi / std::max(half_turn, 1e-3));
-  return (static_cast<std::uint32_t>(std::clamp(n, 64.0, 512.0)) + 3) / 4 * 4;
+  // In this order NaN, as of a tolerance that pad() refuses later, gives 64.
+  return (static_cast<std::uint32_t>(std::min(std::max(64.0, n), 512.0)) + 3) / 4 * 4;
 }
 
 // Radius and z of the points of a line from the lower pole to the upper one. The radii of both poles count as

@@ -5,6 +5,7 @@
 #include <functional>
 #include <numbers>
 
+#include "padding/asset/error.h"
 #include "padding/robot.h"
 #include "padding/verify/sphere_points.h"
 #include "tests/padding/export/samples.h"
@@ -226,6 +227,10 @@ TEST_F(ShapeMeshTest, SeveralShapesOfALinkAreOneBody) {
       {cylinder(0.2, 0.6), moved(cylinder(0.2, 0.6), {0.4, 0, 0}), moved(capsule(0.3, 0), {0, 0, 0.4})});
   expect_true(geoms, shape, within(0.01));
   expect_true(geoms, shape, each(0.02, 0));
+}
+
+TEST_F(ShapeMeshTest, AToleranceThatIsNoNumberIsRefused) {
+  EXPECT_THROW(pad(kCylinder, within(std::nan(""))), Error);
 }
 
 TEST_F(ShapeMeshTest, TheMassIsWithinHalfAPercent) {
