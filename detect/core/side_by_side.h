@@ -44,8 +44,8 @@ struct WorldBounds {
 // `margin`. Spheres of kEveryWorld have a box of their own: who meets them there must be found in another
 // way. Unless there is but one other world, or none: then all spheres are in one box. Lengths are rounded to
 // a few bits, so that the boxes seldom change while spheres move. `extent`: no |coordinate| of a moved sphere
-// is larger. False: some bound is no number, the worlds are sparse, or 2^40 or more of the boxes' sixteenth
-// parts from the origin.
+// is larger. False: some bound is no number, the worlds are sparse, or they lie so far from the origin, for
+// their size, that moving would round more than the proof in docs/detector/exactness.md allows.
 bool lay_side_by_side(const WorldBounds& bounds, std::uint64_t spheres, double margin, SideBySide& boxes,
                       double& extent);
 
