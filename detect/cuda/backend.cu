@@ -116,9 +116,10 @@ class Work {
           "read the contacts");
     return pairs;
   }
-  void take_last_pairs(const std::vector<Pair>& pairs) {
+  // Throws MemoryError if they are more than the limit allows.
+  void take_last_pairs(const std::vector<Pair>& pairs, std::uint64_t limit) {
     CallOptions options;
-    options.width = Width::pairs;
+    options.width = Width::pairs, book_.limit = limit;
     list_.reserve(options, pairs.size());
     if (!pairs.empty())
       cuda_check(cudaMemcpy(list_.pairs(), pairs.data(), pairs.size() * sizeof(Pair), cudaMemcpyHostToDevice),
@@ -316,7 +317,7 @@ class CudaBackend : public Backend {
     if (!options.memory_limit || work_->memory() <= options.memory_limit) return;
     const std::vector<Pair> last = options.history ? work_->last_pairs() : std::vector<Pair>();
     work_.reset(), work_ = std::make_unique<Work>(device_);
-    work_->take_last_pairs(last);
+    work_->take_last_pairs(last, options.memory_limit);
   }
 
   int device_;

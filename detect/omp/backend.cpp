@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <optional>
 
 #include "detect/core/neighbourhood.h"
 #include "detect/omp/bodies.h"
@@ -238,6 +239,7 @@ class OmpBackend final : public Backend {
   void forget() noexcept override {
     kept_->bodies.forget();
     kept_->records.count = 0;
+    history_.emplace(budget_);  // its list alone may be larger than the limit of the call that failed
   }
 
   std::uint64_t hash() const override {
@@ -256,7 +258,7 @@ class OmpBackend final : public Backend {
     if (options.memory_limit && budget_.held() > options.memory_limit)  // the limit was lowered
     {
       kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);
-      if (!options.history) history_ = nullptr, history_ = std::make_unique<omp::History>(budget_);
+      if (!options.history) history_.emplace(budget_);
     }
     kept_->records.count = 0;
   }
@@ -425,7 +427,7 @@ class OmpBackend final : public Backend {
   omp::Budget budget_;
   std::unique_ptr<Kept> kept_ = std::make_unique<Kept>(budget_);
   // Beside what is kept: a limit that makes the backend give its memory back does not lose the list before.
-  std::unique_ptr<omp::History> history_ = std::make_unique<omp::History>(budget_);
+  std::optional<omp::History> history_{budget_};
   omp::Threads chosen_;
   int threads_ = 1;
   double place_seconds_ = 0;

@@ -507,6 +507,10 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
                   "body 1 is in world " + std::to_string(world) +
                       ", but answers are asked for worlds 0 to 7: ask for more worlds");
     }
+    bad = w, bad.shapes.push_back({nullptr, 0});  // a body has a world even without spheres
+    bad.bodies[1].shape = 3, bad.bodies[1].world = 8;
+    EXPECT_TRUE(
+        refuses([&] { detector.detect_worlds(bad.input(), 8, Answer::any); }, "body 1 is in world 8"));
     bad = w, bad.loose[3].r = -1;
     EXPECT_TRUE(refuses([&] { detector.detect(bad.input()); }, "negative radius"));
     bad = w, bad.bodies[2].position[1] = NAN;

@@ -162,6 +162,10 @@ void WorldInput::read_bodies(const Input& input, cudaStream_t stream) {
       host_elements_.push_back({static_cast<std::uint32_t>(b), p});
   }
   bodies_have_worlds_ = detect::bodies_have_worlds(input);
+  worlds_of_bodies_ = 0;
+  for (std::size_t b = 0; b < input.bodies.size(); b++)
+    if (const std::uint32_t world = input.bodies[b].world; world != kEveryWorld && world >= worlds_of_bodies_)
+      worlds_of_bodies_ = world + 1, last_world_body_ = b;
   scene_ = {};
   scene_.view = arrays_.read(input, host_pieces_, first, stream);
   scene_.pieces_given = copied(elements_, host_elements_.data(), host_elements_.size(), stream);
@@ -220,6 +224,8 @@ void WorldInput::read(const Input& input, std::uint32_t worlds, bool stances, bo
     arrays_.move_in_place(input, scene_.view, stream);
   else
     read_bodies(input, stream);
+  if (worlds_of_bodies_ > worlds)
+    throw Error(world_sentence(false, last_world_body_, worlds_of_bodies_ - 1, worlds));
   known_bodies_ = input.bodies.size(), known_loose_ = s.count;
   known_world_of_loose_ = s.world ? ~0u - 1 : s.world_of_all;
   Input only;
@@ -269,14 +275,12 @@ void WorldInput::check(const WorldReport& report, const Input& input, const Call
     throw Error(fault_sentence(report.fault, faulty, input));
   }
   if (report.world_fault != ~0ull) {
-    const bool loose = report.world_fault >= scene_.of_bodies;
-    std::uint32_t world = input.spheres.world_of_all;
-    const std::uint64_t k =
-        loose ? report.world_fault - scene_.of_bodies : host_elements_[report.world_fault].body;
-    if (loose && scene_.loose.world)
+    std::uint32_t world = input.spheres.world_of_all;  // of a loose sphere: read() has looked at the bodies
+    const std::uint64_t k = report.world_fault - scene_.of_bodies;
+    if (scene_.loose.world)
       cuda_check(cudaMemcpy(&world, scene_.loose.world + k, sizeof world, cudaMemcpyDeviceToHost),
                  "read a world");
-    throw Error(world_sentence(loose, k, loose ? world : input.bodies[k].world, worlds));
+    throw Error(world_sentence(true, k, world, worlds));
   }
   Summary summary;
   const auto bits = static_cast<std::uint64_t>(report.extent);

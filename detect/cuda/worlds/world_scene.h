@@ -89,6 +89,8 @@ class WorldInput {
   std::uint32_t known_world_of_loose_ = 0;
   WorldReport found_{};  // of the order
   bool bodies_have_worlds_ = false;
+  std::uint32_t worlds_of_bodies_ = 0;  // the least number of worlds that has all of theirs
+  std::size_t last_world_body_ = 0;     // one of the last of these worlds
   std::vector<Element> host_elements_;
   Pieces host_pieces_;
   InputCopy copy_;

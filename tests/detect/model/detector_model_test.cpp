@@ -18,6 +18,9 @@
 //   stands where it stood, and so does every static one, whatever the arrays say: they say something else
 //   here. Poses in device memory begin and end with a revision. Loose spheres that move are read in every
 //   call.
+// - Contacts::history names each pair's index in the list of the call before, which is empty after a call
+// that threw, stages() and detect_worlds(). The answers of detect_worlds() are those of the oracle's
+// contacts.
 // - A faulty call throws padder::Error, which names the sphere or body at fault as a fresh detector does. The
 //   next call reads everything, whatever its revision, and is right. A memory limit that is too small refuses
 //   the call, or the call is right.
@@ -129,8 +132,9 @@ class Sequence {
       << (o.order == Order::any ? "any order " : "") << "width " << int(o.width) << " f"
       << (o.scalar == Scalar::f32 ? 32 : 64) << " bodies " << int(o.bodies) << " threads " << o.threads
       << " bin " << o.bin_size << (o.output == Memory::device ? " output device" : "")
-      << (o.timings ? " timings" : "") << (o.own == Region{} ? "" : " own") << "; in f"
-      << (c.form.scalar == Scalar::f32 ? 32 : 64) << " layout " << c.form.layout
+      << (o.timings ? " timings" : "") << (o.own == Region{} ? "" : " own") << (o.history ? " history" : "");
+    if (o.margin != 0) t << " margin " << o.margin;
+    t << "; in f" << (c.form.scalar == Scalar::f32 ? 32 : 64) << " layout " << c.form.layout
       << (c.form.memory == Memory::device ? " device" : "") << (c.form.poses ? " poses" : "")
       << (c.form.poses && c.form.pose_memory == Memory::device ? " on device" : "");
     if (c.handed_on) t << "; handed on " << c.handed_on;
@@ -156,7 +160,7 @@ class Sequence {
       other->options() = {};
       other->detect(input);
       *detector_ = std::move(*other);
-      accepted_ = 0;
+      accepted_ = 0, list_before_ = {{0, 1}};
       require(detector_->hash() == pair_hash(0, 1), "another hash after an assignment");
       detector_.swap(other);
     }
@@ -184,27 +188,19 @@ class Sequence {
     bool threw = false;
     std::string said;
     try {
-      if (call.stages) {
-        check_stages(detector_->stages(given.input), call);
-      } else {
-        const Contacts& c = detector_->detect(given.input);
-        // In float32 with bins far too large, all pairs may be doubtful: too many to compare.
-        if (c.count > 10'000'000)
-          call.again = false;
-        else
-          check(c, call);
-      }
+      make(call, given.input);
     } catch (const Error& e) {
       threw = true, said = e.what();
     }
+    if (threw || call.stages || call.answers) list_before_.clear(), list_known_ = true;
     const std::uint64_t limit = call.options.memory_limit;
     require(limit == 0 || detector_->memory() <= limit, "memory() is ", detector_->memory(),
             " under a limit of ", limit);
-    const bool range = out_of_range(call.options);
+    const bool range = out_of_range(call);
     const bool must = (call.fault.kind != K::none && call.fault.kind != K::limit) || range;
     require(threw || !must, "nothing was thrown");
     require(!threw || must || call.fault.kind == K::limit, "it threw: ", said);
-    if (threw || call.stages)
+    if (threw || call.stages || call.answers)
       require(detector_->hash() == 0, "hash() is not 0 after a call without contacts");
     if (threw) {
       require(said.size() > 20 && said.find(' ') != said.npos, "no sentence: ", said);
@@ -216,6 +212,7 @@ class Sequence {
     dirty_ = false;
     if (call.stages) return;
     accepted_ = call.number;
+    if (call.answers) return;
     if (call.again) check_again(given.input, call);
   }
   static bool by_number(ModelFault::Kind k) {
@@ -234,7 +231,23 @@ class Sequence {
         for (double& p : w.bodies[b].position) p = wild ? NAN : p + w.unit;
   }
 
-  bool out_of_range(const CallOptions& o) const {
+  // The call itself, and whether what it gives is right.
+  void make(Call& call, const Input& input) {
+    if (call.stages) return check_stages(detector_->stages(input), call);
+    if (call.answers)
+      return check_answers(detector_->detect_worlds(input, call.worlds, call.answer), call.answer,
+                           call.worlds, script_.spheres(), script_.pairs());
+    const Contacts& c = detector_->detect(input);
+    // In float32 with bins far too large, all pairs may be doubtful: too many to compare.
+    if (c.count > 10'000'000)
+      call.again = list_known_ = false;
+    else
+      check(c, call);
+  }
+
+  bool out_of_range(const Call& call) const {
+    const CallOptions& o = call.options;
+    if (call.answers) return false;
     double extent = 0, radius = 0;
     for (const Seen& s : script_.spheres()) {
       extent = std::max({extent, std::abs(s.sphere.x), std::abs(s.sphere.y), std::abs(s.sphere.z)});
@@ -257,12 +270,21 @@ class Sequence {
     require(c.seconds.total >= 0 && c.seconds.total < 1e4, "seconds");
     const Lists lists(c);
     check_pairs(lists, c.doubtful, call);
+    follow(c, lists);
     require(detector_->hash() == hash_of(lists.pairs), "hash() is not that of the list");
     if (o.width != Width::pairs)
       o.scalar == Scalar::f32 ? check_records<float>(lists, script_.spheres())
                               : check_records<double>(lists, script_.spheres());
     if (call.fresh) check_fresh(lists, call);
     last_lists_ = std::make_unique<Lists>(lists);
+  }
+
+  void follow(const Contacts& c, const Lists& lists) {
+    const bool wanted = detector_->options().history;
+    require(wanted || c.history == nullptr, "a history that nobody asked for");
+    require(!wanted || c.history != nullptr || c.count == 0, "no history");
+    if (wanted && list_known_) check_history(lists, list_before_);
+    list_before_ = lists.pairs, list_known_ = true;
   }
 
   void check_pairs(const Lists& lists, std::uint64_t doubtful, const Call& call) const {
@@ -317,7 +339,9 @@ class Sequence {
     }
   }
   void check_again(const Input& input, const Call& call) {
-    const Lists lists(detector_->detect(input));
+    const Contacts& c = detector_->detect(input);
+    const Lists lists(c);
+    follow(c, lists);
     require(call.options.order != Order::stable || lists == *last_lists_,
             "another list from the same call again");
     require(call.options.precision == Precision::float32 || hash_of(lists.pairs) == hash_of(script_.pairs()),
@@ -340,6 +364,8 @@ class Sequence {
   bool dirty_ = true;                   // something changed since that asks for another
   std::vector<std::uint32_t> pending_;  // moved in calls that were left out
   std::unique_ptr<Lists> last_lists_;
+  std::vector<Pair> list_before_;  // of the call before, as a history counts it
+  bool list_known_ = true;
 };
 
 class ModelTest : public testing::TestWithParam<BackendKind> {

@@ -35,7 +35,8 @@ struct ModelFault {
     stride,
     device_memory,
     too_many,
-    last
+    margin,
+    world,  // one that detect_worlds() does not answer for; not drawn beside the others
   };
   Kind kind = Kind::none;
   std::size_t at = 0;  // of the sphere, the body, the shape
@@ -48,7 +49,8 @@ inline const char* name_of(ModelFault::Kind k) {
                                       "sphere",        "pose",     "sphere of a shape",
                                       "shape index",   "moved",    "own",
                                       "limit",         "pointer",  "stride",
-                                      "device memory", "too many"};
+                                      "device memory", "too many", "margin",
+                                      "world"};
   return names[static_cast<int>(k)];
 }
 

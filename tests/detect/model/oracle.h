@@ -16,8 +16,8 @@ namespace padder::detect {
 
 class ModelOracle {
  public:
-  explicit ModelOracle(const std::vector<Seen>& spheres, const Region& own = {})
-      : spheres_(spheres), own_(own) {
+  explicit ModelOracle(const std::vector<Seen>& spheres, const Region& own = {}, double margin = 0)
+      : spheres_(spheres), own_(own), margin_(margin) {
     for (int k = 0; k < 3; k++) bounded_ |= own.low[k] > -INFINITY || own.high[k] < INFINITY;
   }
 
@@ -51,18 +51,18 @@ class ModelOracle {
 
   // Do they touch, whether they may meet or not?
   bool add(std::uint32_t i, std::uint32_t j, std::vector<Pair>& to) const {
-    if (!oracle_touching(spheres_[i].sphere, spheres_[j].sphere)) return false;
+    if (!oracle_touching(spheres_[i].sphere, spheres_[j].sphere, margin_)) return false;
     if (oracle_meets(spheres_[i], spheres_[j]) &&
         (!bounded_ || owns(own_, midpoint(spheres_[i].sphere, spheres_[j].sphere))))
       to.push_back({i, j});
     return true;
   }
-  // Wider than the sphere by far more than what the decision rounds.
-  static Box box_of(const Sphere& s) {
+  // Wider than the sphere and the margin by far more than what the decision rounds.
+  Box box_of(const Sphere& s) const {
     const double c[3] = {s.x, s.y, s.z};
     Box b;
     for (int k = 0; k < 3; k++) {
-      const double reach = s.r + 0x1p-40 * (std::abs(c[k]) + s.r) + 0x1p-1060;
+      const double r = s.r + margin_, reach = r + 0x1p-40 * (std::abs(c[k]) + r) + 0x1p-1060;
       b.low[k] = c[k] - reach, b.high[k] = c[k] + reach;
     }
     return b;
@@ -145,6 +145,7 @@ class ModelOracle {
 
   const std::vector<Seen>& spheres_;
   const Region own_;
+  const double margin_;
   bool bounded_ = false;
   std::vector<std::uint32_t> order_;
   std::vector<Node> nodes_;

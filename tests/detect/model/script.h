@@ -34,6 +34,9 @@ struct Call {
   ModelForm form;
   ModelFault fault;
   bool stages = false, again = false, fresh = false;
+  bool answers = false;  // detect_worlds(), of so many worlds
+  Answer answer = Answer::any;
+  std::uint32_t worlds = 0;
   int handed_on = 0;  // to another Detector before: 1 by construction, 2 by assignment
   Dice dice{0};
 };
@@ -79,6 +82,7 @@ class Script {
     while (!find()) {  // too many contacts: another scene
       heavy_ = true, call.number = call.number == last_ ? 0 : call.number;
       std::fill_n(world_.center, 3, 0.0);
+      options_.margin = call.options.margin = 0;
       call.moved.clear(), begin(), change_form(), call.form = form_;
     }
     if (stages_cost() > 3e5) options_.path = call.options.path = Path::grid;
@@ -142,6 +146,9 @@ class Script {
     if (dice_.chance(0.1))
       o.bin_size = dice_.chance(0.5) ? 0 : world_.unit * dice_.of({0.01, 1.0, 2.5, 16.0, 200.0});
     if (world_.loose.size() > 20000) o.bin_size = 0;
+    if (dice_.chance(0.1)) margin_ = dice_.of({0.0, 0.0, 1e-9, 0.01, 0.2, 2.0});
+    o.margin = margin_ * world_.unit;
+    if (dice_.chance(0.1)) o.history = !o.history;
     if (dice_.chance(0.15)) {
       o.own = {};
       for (int c = 0; c < 3 && dice_.chance(0.6); c++)
@@ -162,7 +169,8 @@ class Script {
 
   bool find() {
     spheres_ = world_.spheres();
-    return ModelOracle(spheres_, options_.own).contacts(pairs_, kMostContacts + 12 * spheres_.size());
+    return ModelOracle(spheres_, options_.own, options_.margin)
+        .contacts(pairs_, kMostContacts + 12 * spheres_.size());
   }
 
   // So far out, or so small, that float alone could take every pair for a contact.
@@ -179,7 +187,8 @@ class Script {
     double entries = 0;
     for (const Seen& s : spheres_) {  // with the hair by which the stages widen a sphere
       const double far = std::max({std::abs(s.sphere.x), std::abs(s.sphere.y), std::abs(s.sphere.z)});
-      entries += std::pow(2 * (s.sphere.r + 0x1p-47 * far) / options_.bin_size + 2, 3);
+      const double reach = s.sphere.r + options_.margin + 0x1p-47 * far;
+      entries += std::pow(2 * reach / options_.bin_size + 2, 3);
     }
     return options_.path == Path::nine_stages ? entries : 0;
   }
@@ -194,13 +203,33 @@ class Script {
     call.stages = call.fault.kind == ModelFault::Kind::stages_bin_size ||
                   (call.fault.kind == ModelFault::Kind::none && spheres_.size() < 3000 &&
                    call.options.bin_size == 0 && dice_.chance(0.04));
-    if (call.stages) call.again = call.fresh = false;
+    if (!call.stages && dice_.chance(0.15)) draw_answers(call);
+    if (call.stages || call.answers) call.again = call.fresh = false;
+    // The second call would have a list before, which takes memory.
+    if (call.fault.kind == ModelFault::Kind::limit && call.options.history) call.again = false;
+  }
+  // Not where a number of a world is so large that there would be more answers than spheres by far.
+  void draw_answers(Call& call) {
+    using K = ModelFault::Kind;
+    std::uint32_t worlds = 0;
+    const auto ask_for = [&](std::uint32_t world) {
+      if (world != kEveryWorld) worlds = std::max(worlds, world + 1);
+    };
+    for (const Body& b : world_.bodies) ask_for(b.world);
+    for (const Seen& s : spheres_) ask_for(s.world);
+    if (worlds > 20000 || call.fault.kind == K::bin_size) return;
+    call.answers = true, call.answer = dice_.of({Answer::any, Answer::count, Answer::distance});
+    call.worlds = worlds + static_cast<std::uint32_t>(dice_.index(3));
+    if (worlds > 0 && call.fault.kind == K::none && dice_.chance(0.03)) {
+      call.worlds = static_cast<std::uint32_t>(dice_.index(worlds));
+      call.fault.kind = K::world, call.fault.says = "world";
+    }
   }
 
   ModelFault draw_fault(Call& call) {
     using K = ModelFault::Kind;
     ModelFault f;
-    f.kind = static_cast<K>(1 + dice_.index(static_cast<std::size_t>(K::last) - 1));
+    f.kind = static_cast<K>(1 + dice_.index(static_cast<std::size_t>(K::world) - 1));
     f.in = dice_.index(60);
     const std::size_t bodies = world_.bodies.size(), loose = world_.loose.size();
     const bool known = !heavy_, wide = form_.scalar == Scalar::f64;
@@ -237,6 +266,9 @@ class Script {
       case K::moved:
         f.says = "moved";
         break;
+      case K::margin:
+        call.options.margin = dice_.of({-1.0, double(NAN), double(INFINITY), 2e100}), f.says = "margin";
+        break;
       case K::own:
         (f.in % 2 ? call.options.own.low : call.options.own.high)[f.in % 3] = NAN;
         break;
@@ -269,6 +301,7 @@ class Script {
   std::size_t steps_;
   ModelWorld world_;
   CallOptions options_;
+  double margin_ = 0;  // in units of the world
   ModelForm form_;
   std::uint64_t last_ = 0;             // revision of the call before
   bool heavy_ = true, freed_ = false;  // freed_: that call was refused, so that nothing is known
