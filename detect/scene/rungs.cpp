@@ -15,13 +15,11 @@ namespace {
 using Rungs = std::span<const Rung>;
 constexpr double kNothing = std::numeric_limits<double>::infinity();
 
-// A ball around all rungs of a shape, a hair larger for the rounding of what is placed.
+// A ball around all rungs of a shape.
 Sphere ball_around_all(Rungs rungs) {
   std::vector<Sphere> all;
   for (const Rung& r : rungs) all.insert(all.end(), r.spheres.begin(), r.spheres.end());
-  Sphere ball = ball_around(all);
-  ball.r *= 1 + 1e-9;
-  return ball;
+  return ball_around(all);
 }
 
 double size_of(Rungs rungs) {
@@ -68,6 +66,11 @@ std::vector<double> smallest_partners(std::span<const Rungs> shapes, std::span<c
   std::vector<Sphere> balls;
   std::vector<double> sizes;
   for (const Rungs rungs : shapes) balls.push_back(ball_around_all(rungs)), sizes.push_back(size_of(rungs));
+  // A hair larger, for the rounding of what is placed: it grows with the distance from the origin.
+  std::vector<double> farthest(shapes.size(), 0);
+  for (const Body& b : bodies)
+    for (const double p : b.position) farthest[b.shape] = std::max(farthest[b.shape], std::abs(p));
+  for (std::size_t k = 0; k < balls.size(); k++) balls[k].r += 1e-9 * balls[k].r + 0x1p-46 * farthest[k];
   std::vector<Shape> ball_shapes;
   for (const Sphere& ball : balls) ball_shapes.push_back({&ball, 1});
   CallOptions options;

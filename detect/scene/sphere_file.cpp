@@ -100,7 +100,8 @@ SphereFile::SphereFile(const std::filesystem::path& path) : where_(path.string()
   data_ = static_cast<const char*>(mapped), size_ = static_cast<std::uint64_t>(about.st_size);
   remember(data_, size_, where_.c_str());
   try {
-    ending == ".npy" ? read_npy() : read_npz();
+    is_npz_ = ending == ".npz";
+    is_npz_ ? read_npz() : read_npy();
   } catch (...) {
     unmap();
     throw;
@@ -145,6 +146,12 @@ void SphereFile::read_npz() {
   };
   spheres_.family = tags("family", families_), spheres_.mask = tags("mask", masks_);
   spheres_.world = tags("world", worlds_);
+}
+
+void SphereFile::check() const {
+  if (!is_npz_) return;
+  for (const auto& [name, entry] : npz_entries({data_, size_}, where_))
+    check_sum(entry, where_ + ": " + name);
 }
 
 }  // namespace padder::detect

@@ -16,14 +16,18 @@ namespace padder::detect {
 // .npz: stored without compression (numpy.savez), with `centers` (N, 3) and `radii` (N), both float32 or both
 //   float64, and perhaps `family`, `mask` and `world` (N), whole numbers of 4 or 8 bytes. Those of another
 //   type than uint32 are converted and held: 4 bytes for each number.
-// Of all else the constructor reads the heads alone. It throws Error, which names the file, for any other
-// file. The file must not be shortened while it is mapped: reading what is no longer there raises SIGBUS.
+// Of all else the constructor reads the heads alone; check() reads everything. Both throw Error, which names
+// the file: for any other file, and for one that is damaged. The file must not be shortened while it is
+// mapped: reading what is no longer there raises SIGBUS.
 class SphereFile {
  public:
   explicit SphereFile(const std::filesystem::path& path);
   ~SphereFile();
   SphereFile(const SphereFile&) = delete;
   SphereFile& operator=(const SphereFile&) = delete;
+
+  // Compares the checksums of an .npz with its arrays. Takes as long as reading the file once.
+  void check() const;
 
   // Borrows the file. The arrays of an .npz begin at any address: for BoxedDetector, which reads them byte by
   // byte, and not for Detector.
@@ -42,6 +46,7 @@ class SphereFile {
   std::string where_;
   const char* data_ = nullptr;
   std::uint64_t size_ = 0;
+  bool is_npz_ = false;
   Spheres spheres_;
   std::vector<std::uint32_t> families_, masks_, worlds_;  // where the file has another type
 };

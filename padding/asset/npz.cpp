@@ -317,15 +317,18 @@ std::map<std::string, NpzEntry> npz_entries(std::string_view in, const std::stri
   return entries;
 }
 
+void check_sum([[maybe_unused]] const NpzEntry& entry, [[maybe_unused]] const std::string& where) {
+#if !defined(FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION)  // a fuzzer does not guess checksums
+  if (crc32(entry.bytes) != entry.checksum)
+    throw Error(where + " is damaged (its checksum is another): copy or save the file again");
+#endif
+}
+
 Npz npz_from_bytes(std::string_view in, const std::string& where) {
   Npz arrays;
   for (const auto& [name, entry] : npz_entries(in, where)) {
     const NpyView v = npy_view(entry.bytes, where + ": " + excerpt(name));
-#if !defined(FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION)  // a fuzzer does not guess checksums
-    if (crc32(entry.bytes) != entry.checksum)
-      throw Error(where + ": " + excerpt(name) +
-                  " is damaged (its checksum is another): copy or save the file again");
-#endif
+    check_sum(entry, where + ": " + excerpt(name));
     arrays.emplace(name, NpyArray{v.kind, v.size, v.shape, std::string(v.bytes)});
   }
   return arrays;

@@ -114,9 +114,11 @@ struct NpzEntry {
   std::uint32_t checksum;
 };
 
-// These three throw Error, which begins with `where`, for anything but uncompressed little-endian arrays.
+// These four throw Error, which begins with `where`, for anything but uncompressed little-endian arrays.
 // The .npy files of an archive, by their names without that ending. Does not compare the checksums.
 std::map<std::string, NpzEntry> npz_entries(std::string_view bytes, const std::string& where);
+// Throws Error if the bytes have another checksum.
+void check_sum(const NpzEntry& entry, const std::string& where);
 // The array of a .npy file.
 NpyView npy_view(std::string_view bytes, const std::string& where);
 // Copies of all arrays of an archive. Throws Error for a wrong checksum, too.

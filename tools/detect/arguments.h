@@ -68,7 +68,8 @@ std::string counts_text(std::uint64_t spheres, std::uint64_t bodies, std::uint64
 std::string hex(std::uint64_t hash);
 
 // The scene that the arguments name. Throws UsageError if -o would replace a file that it is read from.
-Scene read_input(const Arguments& arguments, LooseAs loose = LooseAs::memory);
+// `check_file`: look at the checksums of a mapped file, for which it is read as a whole.
+Scene read_input(const Arguments& arguments, LooseAs loose = LooseAs::memory, bool check_file = true);
 
 // --devices, --memory, or a mapped file: contacts are found box by box. Prints the result.
 bool wants_boxes(const Arguments& arguments);

@@ -276,11 +276,12 @@ int run(Arguments& a) {
 
 }  // namespace
 
-Scene read_input(const Arguments& a, LooseAs loose) {
+Scene read_input(const Arguments& a, LooseAs loose, bool check_file) {
   Scene scene =
       padder::cli::is_stream(a.scene)
           ? scene_or_cluster_from_json(padder::cli::read_stdin(), "the standard input", ".", a.copies, loose)
           : read_scene_or_cluster(a.scene, a.copies, loose);
+  if (scene.mapped && check_file) scene.mapped->check();
   padder::cli::RunFiles files;
   for (const std::filesystem::path& file : scene.files) files.reads(file);
   if (!a.output.empty()) files.writes(a.output, "-o", "name another one with -o");

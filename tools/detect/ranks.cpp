@@ -128,7 +128,7 @@ int run_among(const Arguments& a, const Launch& launch) {
   together(MPI_COMM_WORLD, [&] {
     if (a.backend.value() == BackendKind::cuda && !cuda_present())
       throw Error("there is no GPU that CUDA can use: choose omp");
-    scene = read_input(a, LooseAs::mapped);
+    scene = read_input(a, LooseAs::mapped, launch.rank == 0);
   });
   const Input part = part_of(scene.input(), launch.rank, launch.ranks);
   const RankOptions options = rank_options(a, scene);

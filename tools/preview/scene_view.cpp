@@ -102,6 +102,7 @@ View view_of(const detect::Scene& scene, const std::string& title) {
     for (const detect::Sphere& s : asset.spheres) add(detect::placed(body, s), body.family, number);
   }
   // A file of spheres is mapped and not in memory.
+  if (scene.mapped) scene.mapped->check();
   const detect::LooseSpheres read =
       scene.mapped ? detect::loose_from(scene.spheres()) : detect::LooseSpheres();
   const detect::LooseSpheres& loose = scene.mapped ? read : scene.loose;

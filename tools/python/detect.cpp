@@ -25,6 +25,7 @@ using Threads = Whole<int, detect::kMostThreads>;
 struct SharedDetector {
   std::unique_ptr<detect::Detector> detector;
   std::uint64_t calls = 0, revision = 0;  // of the last call; 0 if it threw
+  std::size_t bodies = 0;                 // of that revision
   std::size_t lent = 0;                   // arrays of the last call that Python still uses
   bool busy = false;
 };
@@ -172,6 +173,9 @@ void add_spheres(Request& in, const Scene& scene) {
   const py::ssize_t n = c.shape[0];
   Array r = array_of(radii, {"radii", Kind::real, {n}, "(N,), or one number for all", true, true});
   const bool single = c.single() && (r.single() || r.one());  // one number takes the type of the centers
+  if (r.one() && r.memory != c.memory)
+    throw py::value_error(
+        "radii is one number on the host, and centers lie on the device: give the radii as an array there");
   convert_real(c, "centers", single ? 4 : 8), convert_real(r, "radii", single ? 4 : 8);
   in.scalar = single ? detect::Scalar::f32 : detect::Scalar::f64, in.memory = c.memory;
   detect::Spheres& s = in.input.spheres;
@@ -187,6 +191,8 @@ void add_spheres(Request& in, const Scene& scene) {
   s.is_static = reinterpret_cast<const std::uint8_t*>(one_each(is_static, "is_static", Kind::flags));
   if (!world.is_none()) {
     const Array w = array_of(world, {"world", Kind::bits, {n}, "(N,), or one number for all", true});
+    if (w.one() && w.memory != detect::Memory::host)
+      throw py::value_error("world is one number on the device: give int(world), which lies on the host");
     if (w.one())
       s.world_of_all = *w.as<std::uint32_t>();
     else
@@ -341,7 +347,8 @@ class PyDetector {
           "arrays of the last contacts are still in use, and the detector would overwrite them: copy what "
           "you want "
           "to keep and delete the arrays before the next call");
-    check_rotations(in, in.input.revision != 0 && in.input.revision == shared_->revision);
+    check_rotations(in, in.input.revision != 0 && in.input.revision == shared_->revision &&
+                            in.input.bodies.size() == shared_->bodies);
     detect::CallOptions o = shared_->detector->options();
     o.scalar = in.scalar, o.output = in.memory, o.margin = margin;
     check(o);
@@ -353,7 +360,7 @@ class PyDetector {
     } done{*shared_};
     try {
       unlocked([&] { work(*shared_->detector, in); });
-      shared_->revision = in.input.revision;
+      shared_->revision = in.input.revision, shared_->bodies = in.input.bodies.size();
     } catch (const Error& e) {
       if (numbers_at_fault(in)) throw py::value_error(e.what());
       if (worlds_at_fault(in)) throw py::index_error(e.what());

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: MIT
 #include "tools/settle/files.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <span>
 
 #include "padding/asset/error.h"
@@ -59,17 +61,50 @@ Frame frame_of(const Stepper& stepper) {
   return f;
 }
 
+// Families with which the loose spheres of a frame touch as those of the scene do. Each body has one, so that
+// its spheres do not touch each other. Static movers share one, unless theirs says who may not touch them.
+std::vector<std::uint32_t> families_of_movers(const System& s) {
+  std::vector<std::uint32_t> families(s.movers());
+  std::map<std::uint32_t, std::uint64_t> movers_in;
+  for (std::size_t m = 0; m < s.movers(); m++) {
+    const bool body = m < s.bodies.size();
+    families[m] = body                     ? s.bodies[m].family
+                  : s.grain_family.empty() ? 0
+                                           : s.grain_family[m - s.bodies.size()];
+    movers_in[families[m]]++;
+  }
+  std::uint32_t of_still = 33;  // the first that no mask can name
+  while (movers_in.contains(of_still)) of_still++;
+  for (std::size_t m = 0; m < s.movers(); m++) {
+    const bool still = s.inverse_mass[m] == 0 && !(m < s.bodies.size() && s.driven[m]),
+               alone = families[m] == 0 || (families[m] >= 33 && movers_in[families[m]] == 1);
+    if (still && alone) families[m] = of_still;
+  }
+  return families;
+}
+
 void write_npz(const Stepper& stepper, const std::filesystem::path& path) {
+  const System& s = stepper.system();
   const Frame f = frame_of(stepper);
   const std::uint64_t n = f.radii.size();
-  std::vector<std::uint32_t> family;
-  for (const std::uint32_t m : f.mover)  // 33 and more: no mask names them
-    family.push_back(m < stepper.system().bodies.size() ? 33 + m : 0);
+  const std::vector<std::uint32_t> families = families_of_movers(s);
+  std::vector<std::uint32_t> family, mask, world;
+  for (const std::uint32_t m : f.mover) {
+    const bool body = m < s.bodies.size();
+    family.push_back(families[m]);
+    mask.push_back(body ? s.bodies[m].mask : s.grain_mask.empty() ? 0 : s.grain_mask[m - s.bodies.size()]);
+    world.push_back(body ? s.bodies[m].world : 0);
+  }
   const double time = stepper.time();
   Npz arrays;
   arrays["centers"] = npy_array(f.centers.data(), {n, 3});
   arrays["radii"] = npy_array(f.radii.data(), {n});
   arrays["family"] = npy_array(family.data(), {n});
+  const auto tags = [&](const char* name, const std::vector<std::uint32_t>& of_each) {
+    if (std::ranges::any_of(of_each, [](std::uint32_t t) { return t != 0; }))
+      arrays[name] = npy_array(of_each.data(), {n});
+  };
+  tags("mask", mask), tags("world", world);
   arrays["mover"] = npy_array(f.mover.data(), {n});
   arrays["velocities"] = of(f.velocities);
   arrays["time"] = npy_array(&time, {1});
@@ -193,6 +228,8 @@ void write_checkpoint(const Stepper& stepper, const std::filesystem::path& path)
   const std::vector<double> scene = halves(fingerprint(stepper.system())), steps = halves(s.steps);
   Npz arrays;
   arrays["scene"] = npy_array(scene.data(), {1, 2}), arrays["steps"] = npy_array(steps.data(), {1, 2});
+  const std::vector<double> slow = halves(s.slow_since);
+  if (s.slow_since != kNever) arrays["slow_since"] = npy_array(slow.data(), {1, 2});
   arrays["position"] = of(s.position), arrays["velocity"] = of(s.velocity);
   arrays["momentum"] = of(s.momentum), arrays["spin"] = of(s.spin);
   arrays["orientation"] =
@@ -211,6 +248,7 @@ void read_checkpoint(Stepper& stepper, const std::filesystem::path& path) {
         ": the checkpoint is of another scene: resume it with the scene and the time step that wrote it");
   Snapshot s;
   s.steps = joined(pair_of("steps"), where);
+  if (arrays.contains("slow_since")) s.slow_since = joined(pair_of("slow_since"), where);
   const auto vectors = [&](const char* name) { return rows_of<Vec3>(array_in(arrays, name, 3, where)); };
   s.position = vectors("position"), s.velocity = vectors("velocity");
   s.momentum = vectors("momentum"), s.spin = vectors("spin");

@@ -11,6 +11,7 @@
 #include "detect/scene/scene.h"
 #include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
 
@@ -124,6 +125,18 @@ class Reader {
   }
 
  private:
+  // A mass for each cubed unit of length. Nothing is a thousand times as dense as osmium: who writes so for a
+  // scene in mm means kilograms a cubic metre.
+  double density_at(const Place& r, double otherwise) const {
+    const double density = real_at(r, "density", otherwise, 0, true),
+                 cubic_metre = std::pow(metres(scene_.unit), 3);
+    if (cubic_metre != 1 && density / cubic_metre > 2.3e7)
+      r.at("density").fail("a density is a mass for each cubed unit of the scene, and this is " +
+                           short_number(density / cubic_metre, 3) + " kg a cubic metre: for " +
+                           short_number(density, 6) + " kg a cubic metre write " +
+                           short_number(density * cubic_metre, 6));
+    return density;
+  }
   void read_default_material() {
     Law& law = out_.system.law;
     const Json empty = Json::object();
@@ -136,8 +149,7 @@ class Reader {
 
   // What a material says, and `otherwise` what it does not.
   void add_material(const std::string& name, const Place& m, const Material& otherwise) {
-    materials_.push_back({name, real_at(m, "density", otherwise.density, 0, true),
-                          real_at(m, "friction", otherwise.friction),
+    materials_.push_back({name, density_at(m, otherwise.density), real_at(m, "friction", otherwise.friction),
                           restitution_at(m, otherwise.restitution)});
   }
   static double restitution_at(const Place& m, double otherwise) {
@@ -347,7 +359,7 @@ class Reader {
     BodySettings with;
     if (g.has("velocity")) with.velocity = vector_at(g.at("velocity"));
     with.material = material_of(g);
-    with.density = real_at(g, "density", materials_[with.material].density, 0, true);
+    with.density = density_at(g, materials_[with.material].density);
     return with;
   }
   void set_material(std::uint32_t mover, std::uint8_t material) {

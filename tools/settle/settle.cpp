@@ -158,15 +158,7 @@ class EnergyGuard {
   bool driven_ = false;
 };
 
-// At rest: nothing is faster than what falls a thousandth of the mean radius. Before the first step all may
-// stand still.
-bool at_rest(const Stepper& stepper, const Watch& w) {
-  const double most = 2e-3 * stepper.gravity() * stepper.mean_radius();
-  return stepper.steps() > 0 && stepper.contacts() > 0 && w.fastest * w.fastest < most;
-}
-
-Json report_of(const Stepper& stepper, const detect::RungChoice& rungs, const Watch& w, double first_energy,
-               bool rest) {
+Json report_of(const Stepper& stepper, const detect::RungChoice& rungs, const Watch& w, double first_energy) {
   const auto& s = stepper.system();
   const auto& e = stepper.effort();
   char hash[17];
@@ -185,7 +177,7 @@ Json report_of(const Stepper& stepper, const detect::RungChoice& rungs, const Wa
       {"time_step", s.step},
       {"stiffness", s.law.stiffness},
       {"contacts", stepper.contacts()},
-      {"at_rest", rest},
+      {"at_rest", stepper.at_rest()},
       {"energy",
        {{"first", first_energy}, {"kinetic", w.kinetic}, {"potential", w.potential}, {"elastic", w.elastic}}},
       {"momentum", {w.momentum.x, w.momentum.y, w.momentum.z}},
@@ -319,24 +311,27 @@ int settle(const Arguments& a) {
   EnergyGuard guard(stepper);
   Watch w = guard.check();
   const double first_energy = w.total();
-  bool rest = false;
   const std::uint64_t begun = stepper.steps();
   if (wanted > 1) frames.take(stepper);
   std::uint64_t taken = 1;
-  while (stepper.steps() < last && !(rest && a.until_rest)) {
-    // To the next look, or the next frame if that is earlier; or to the end.
-    std::uint64_t done = stepper.steps() - begun, until = (done / between + 1) * between;
+  while (stepper.steps() < last && !(stepper.at_rest() && a.until_rest)) {
+    // To the next look, or the next frame if that is earlier; or to the end. What has become slow is looked
+    // at again as soon as it can be at rest.
+    std::uint64_t done = stepper.steps() - begun, look = (done / between + 1) * between;
+    if (a.until_rest && stepper.slow_since() != padder::settle::kNever)
+      look = std::min(look, stepper.slow_since() + stepper.steps_to_rest() - begun);
+    std::uint64_t until = look;
     if (wanted > 1) until = std::min(until, (taken * left + intervals - 1) / intervals);
     stepper.step(std::max(std::min(until, left), done + 1) - done);
     done = stepper.steps() - begun;
-    if (done % between == 0) w = guard.check(), rest = at_rest(stepper, w);
+    if (done >= look) w = guard.check();
     bar.show(double(done) / double(left), progress_of(stepper, last));
     if (wanted > 1 && done * intervals >= taken * left && stepper.steps() < last)
       frames.take(stepper), taken++;
   }
-  w = guard.check(), rest = at_rest(stepper, w);
+  w = guard.check();
   frames.take(stepper);
-  Json report = report_of(stepper, scene.rungs, w, first_energy, rest);
+  Json report = report_of(stepper, scene.rungs, w, first_energy);
   if (frames.page()) bar.show(1, "writing " + a.output);
   frames.finish(stepper, report);
   bar.clear();

@@ -15,6 +15,7 @@ struct Watch {
   double total() const { return kinetic + potential + elastic; }
   Vec3 momentum;             // linear, of all that moves
   double fastest = 0;        // the largest speed of a mover
+  double liveliest = 0;      // the largest root mean square speed of a mover's points, its spin included
   double deepest = 0;        // the largest penetration of the last step
   double deepest_ratio = 0;  // the same as a ratio to the smaller radius of its two spheres
 };
@@ -23,9 +24,14 @@ struct Watch {
 PADDER_HD void watch_mover(Watch& w, const Vec3& gravity, double inverse_mass, const Vec3& position,
                            const Vec3& velocity, const Vec3& spin, const Vec3& momentum) {
   w.fastest = detect::larger(w.fastest, length(velocity));
-  if (inverse_mass == 0) return;
-  const double mass = 1 / inverse_mass;
-  w.kinetic += 0.5 * mass * dot(velocity, velocity) + 0.5 * dot(spin, momentum);
+  if (inverse_mass == 0) {  // it stands still, or is driven, and nobody knows how its mass is spread
+    w.liveliest = detect::larger(w.liveliest, dot(spin, spin) > 0 ? INFINITY : length(velocity));
+    return;
+  }
+  const double mass = 1 / inverse_mass,
+               kinetic = 0.5 * mass * dot(velocity, velocity) + 0.5 * dot(spin, momentum);
+  w.kinetic += kinetic;
+  w.liveliest = detect::larger(w.liveliest, ::sqrt(2 * kinetic * inverse_mass));
   w.potential -= mass * dot(gravity, position);
   w.momentum = w.momentum + mass * velocity;
 }
@@ -44,6 +50,8 @@ struct SpringMemory {
   Vec3 spring;
 };
 
+inline constexpr std::uint64_t kNever = ~std::uint64_t(0);
+
 // All that the next step depends on besides the System as it was given. A stepper that takes a snapshot goes
 // on with the same bits as the one that gave it, if it is of the same backend.
 struct Snapshot {
@@ -51,6 +59,7 @@ struct Snapshot {
   std::vector<Vec3> position, velocity, momentum, spin;
   std::vector<Quaternion> orientation;
   std::vector<SpringMemory> contacts, walls;  // those that touch, by i, then j
+  std::uint64_t slow_since = kNever;  // at which step watch() saw that everything is slow, and since then
 };
 
 }  // namespace padder::settle

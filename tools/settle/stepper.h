@@ -2,6 +2,7 @@
 // The stepper: it advances a System step by step with contacts from the detector, on the CPU or on a GPU.
 // Same input, same bits on one backend, for any number of threads and whether candidates are kept or not.
 #pragma once
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -49,6 +50,13 @@ class Stepper {
   void place();   // puts placed() where the movers are now
   Watch watch();  // a pass over everything in a fixed order; on the CPU it places
 
+  // Everything is slow if nothing is faster than what falls a thousandth of the mean radius. At rest: it was
+  // slow when watch() looked, and is at the last look, steps_to_rest() or more later. In that time whatever
+  // hangs in the air, or turns back there, would have become faster. Never without gravity.
+  bool at_rest() const { return slow_since_ != kNever && steps_ - slow_since_ >= steps_to_rest(); }
+  std::uint64_t slow_since() const { return slow_since_; }  // kNever: the last look saw something faster
+  std::uint64_t steps_to_rest() const;
+
   Snapshot snapshot() const;
   void resume(const Snapshot& snapshot);  // throws Error if it is of another system
 
@@ -71,6 +79,8 @@ class Stepper {
   void check() const;
   void check_rims() const;
   double place_and_measure();
+  double slow() const { return std::sqrt(2e-3 * gravity() * mean_); }  // the speed
+  Watch sums();
   void find_first_candidates();
   void count_contacts();
   void find_candidates();
@@ -113,7 +123,7 @@ class Stepper {
   bool found_ = false;
   double skin_ = 0;
   bool fixed_skin_ = false;
-  std::uint64_t steps_ = 0, steps_of_find_ = 0;
+  std::uint64_t steps_ = 0, steps_of_find_ = 0, slow_since_ = kNever;
   int pause_ = 0;  // finds for which no candidates are kept, because keeping them did not pay
 
   // Candidates, by i, then j; of each its memory and its push on i. `starts_`: the first one of each sphere

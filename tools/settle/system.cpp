@@ -116,7 +116,20 @@ StepLimits step_limits(const System& s) {
   double stiffness = s.law.stiffness;
   for (const Bushing& b : s.bushings) stiffness = std::max(stiffness, b.stiffness);
   const auto duration = [&](double answer) { return std::numbers::pi / std::sqrt(2 * answer * stiffness); };
-  return {duration(fastest) / 6, duration(in_crowd) / 25};
+  StepLimits limits{duration(fastest) / 6, duration(in_crowd) / 25};
+  // A dashpot that is damped more than critically slows its points down in less time than its spring would
+  // turn them. Half of that time is stable; an eighth is what a critical one gets by its spring.
+  for (const Bushing& b : s.bushings) {
+    const auto answer = [&](std::uint32_t body, const Vec3& at) {
+      const Vec3& i = s.inverse_inertia[body];
+      return s.inverse_mass[body] + dot(at, at) * std::max({i.x, i.y, i.z});
+    };
+    const double rate = b.damping * (answer(b.a, b.on_a) + answer(b.b, b.on_b));
+    if (rate > 0)
+      limits.longest = std::min(limits.longest, 1 / rate),
+      limits.chosen = std::min(limits.chosen, 0.25 / rate);
+  }
+  return limits;
 }
 
 }  // namespace padder::settle

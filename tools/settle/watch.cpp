@@ -44,6 +44,21 @@ void Stepper::count_contacts() {
 
 Watch Stepper::watch() {
   find_first_candidates();
+  const Watch w = sums();
+  if (!(w.liveliest < slow()))
+    slow_since_ = kNever;
+  else if (slow_since_ == kNever)
+    slow_since_ = steps_;
+  return w;
+}
+
+// What falls freely changes its speed by three times what is slow.
+std::uint64_t Stepper::steps_to_rest() const {
+  const double steps = 3 * slow() / (gravity() * s_.step);
+  return steps < 1e18 ? static_cast<std::uint64_t>(std::ceil(steps)) : kNever;
+}
+
+Watch Stepper::sums() {
   if (device_) {
     Watch w = device_->watch();
     w.deepest = deepest_, w.deepest_ratio = deepest_ratio_;
@@ -104,7 +119,8 @@ Snapshot Stepper::snapshot() const {
   auto [contacts, walls] = candidates();
   std::erase_if(contacts, [](const SpringMemory& m) { return m.spring == Vec3{}; });
   std::erase_if(walls, [](const SpringMemory& m) { return m.spring == Vec3{}; });
-  return {steps_, s_.position, s_.velocity, s_.momentum, s_.spin, s_.orientation, contacts, walls};
+  return {steps_,         s_.position, s_.velocity, s_.momentum, s_.spin,
+          s_.orientation, contacts,    walls,       slow_since_};
 }
 
 void Stepper::resume(const Snapshot& s) {
@@ -117,7 +133,7 @@ void Stepper::resume(const Snapshot& s) {
   for (const SpringMemory& m : s.contacts) fits &= !bad(m, centers_.size());
   for (const SpringMemory& m : s.walls) fits &= !bad(m, s_.walls.size());
   if (!fits) throw Error("the checkpoint is of another scene: it has other bodies, grains or walls");
-  bool sound = true;
+  bool sound = s.slow_since == kNever || s.slow_since <= s.steps;
   for (const auto* vectors : {&s.position, &s.velocity, &s.momentum, &s.spin})
     for (const Vec3& v : *vectors) sound = sound && finite(v);
   for (const auto* springs : {&s.contacts, &s.walls})
@@ -128,7 +144,7 @@ void Stepper::resume(const Snapshot& s) {
     throw Error("the checkpoint is damaged: a number is not finite, or a body's orientation is no rotation");
   s_.position = s.position, s_.velocity = s.velocity, s_.momentum = s.momentum, s_.spin = s.spin;
   s_.orientation = s.orientation;
-  steps_ = s.steps, newer_there_ = false;
+  steps_ = s.steps, slow_since_ = s.slow_since, newer_there_ = false;
   if (device_) device_->put(s);
   pairs_.clear(), springs_.clear(), wall_pairs_.clear(), wall_springs_.clear();
   starts_.assign(centers_.size() + 1, 0), wall_starts_.assign(centers_.size() + 1, 0);

@@ -135,6 +135,30 @@ TEST(RungsTest, ContactsStayWithinTheStatedErrorOfTheFinestLevel) {
   EXPECT_GT(differ, 10u) << "the test sees no error at all";
 }
 
+// Where a body lies far away, placing its spheres rounds by more than its bounding ball has room for.
+TEST(RungsTest, WhatTouchesFarFromTheOriginIsNotLeftOut) {
+  SplitMix64 random(5);
+  for (const double far : {1e3, 1e7, 1e8, 1e9, 1e12}) {
+    std::uint64_t touching = 0;
+    for (int k = 0; k < 300; k++) {
+      Scene scene;
+      const double half = 0.2 + 0.8 * random.unit(), x = far * (0.5 + 0.5 * random.unit());
+      Scene::Asset asset;
+      asset.spheres = {{-half, 0, 0, 0.5}, {half, 0, 0, 0.5}};
+      asset.rungs = {{asset.spheres}};
+      scene.assets.push_back(asset), scene.bodies.resize(2);
+      scene.bodies[0].position[0] = x;
+      scene.bodies[1].position[0] =
+          x + 2 * half + 1 + random.signed_unit() * (std::nextafter(far, 2 * far) - far);
+      Detector detector({BackendKind::omp});
+      if (detector.detect(scene.input()).count == 0) continue;
+      touching++;
+      EXPECT_EQ(choose_rungs(scene, rung_rule("auto")).left_out, 0u) << far;
+    }
+    EXPECT_GT(touching, 50u);
+  }
+}
+
 TEST(RungsTest, ALevelIsTakenByItsNumberOrByTheSmallestThingAnywhere) {
   const Scene scene = strewn(1, 3);
   EXPECT_EQ(choose_rungs(scene, rung_rule("1")).rungs, std::vector<std::uint32_t>(60, 1));

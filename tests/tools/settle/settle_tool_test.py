@@ -120,6 +120,38 @@ with tempfile.TemporaryDirectory() as folder:
     assert fresh["contacts"] == 1 and not fresh["at_rest"], fresh
     write("again.json", {**ball, "spheres": [{"file": "lying_0000.npz"}]})
     assert report("again.json", "--steps", 100)["at_rest"]
+    # What hangs in the air, turns back there or spins is not at rest, however often the run is looked at.
+    hung = {"format": "padder.scene", "version": 1, "unit": "m",
+            "spheres": [{"centers": [[0, 0, 0.00999], [0.1, 0, 0.5]], "radii": 0.01}],
+            "settle": {"planes": [{"point": [0, 0, 0], "normal": [0, 0, 1]}], "duration": 1.5}}
+    write("hung.json", hung)
+    for looks in ([], ["--frames", 2000, "-o", "hung.html"]):
+        fallen = report("hung.json", "--until-rest", "--checkpoint", "hung.npz", *looks)
+        assert fallen["at_rest"] and 0.7 < fallen["time"] < 1.5 and fallen["contacts"] == 2, fallen
+    assert not report("hung.json", "--steps", 400, "--until-rest")["at_rest"]
+    assert report("hung.json", "--resume", "hung.npz", "--steps", 0)["at_rest"]
+    write("top.json", {**hung, "clusters": {"pill": "pill.spheres.json"}, "spheres": [],
+                       "bodies": [{"cluster": "pill", "position": [0, 0, 0.00999]}],
+                       "settle": {**hung["settle"], "material": {"friction": 0}, "bodies": [{"body": 0, "spin": [0, 0, 3]}], "duration": 0.5}})
+    assert not report("top.json", "--until-rest")["at_rest"]
+    # A frame says who may touch whom: two worlds, one family, two static bodies, a family that a mask names.
+    at = [[0, 0, 0.01], [0, 0, 0.01], [1, 0, 0.01], [1, 0, 0.01], [2, 0, 0.01], [2, 0, 0.01], [3, 0, 0.01], [3, 0, 0.01]]
+    tags = [{"world": 1}, {"world": 2}, {"family": 40}, {"family": 40}, {"static": True}, {"static": True}, {"family": 5}, {"mask": 16}]
+    write("apart.json", {**hung, "clusters": {"pill": "pill.spheres.json"}, "spheres": [],
+                         "bodies": [{"cluster": "pill", "position": p, **t} for p, t in zip(at, tags)],
+                         "settle": {**hung["settle"], "duration": 0.001}})
+    report("apart.json", "-o", "apart.npz")
+    assert json.loads(run("detect", "apart_0000.npz", "--json").stdout)["contacts"] == 0
+    # A bushing that is damped far above critically has a step at which it runs.
+    for damping in (10, 300, 1e4):
+        write("damped.json", {**hung, "clusters": {"pill": "pill.spheres.json"}, "spheres": [],
+                              "bodies": [{"cluster": "pill", "position": [x, 0, 1]} for x in (0, 0.05)],
+                              "settle": {"bodies": [{"body": 0, "spin": [0, 5, 0]}], "duration": 0.001,
+                                         "bushings": [{"bodies": [0, 1], "at": [0.025, 0, 1], "stiffness": 5000, "damping": damping}]}})
+        report("damped.json")
+    # A density is a mass for each cubed unit.
+    write("dense.json", {**hung, "unit": "mm", "settle": {"material": {"density": 7800}}})
+    refused("write 7.8e-06", "dense.json")
     write("long.json", {**ball, "settle": {**ball["settle"], "duration": 1e300}})
     assert report("long.json", "--steps", 3)["steps"] == 3
     refused("--frames", "pills.json", "--frames", 0, code=2)

@@ -12,6 +12,7 @@ constexpr unsigned kBlocks = 264;
 __device__ void join(Watch& to, const Watch& more) {
   to.kinetic += more.kinetic, to.potential += more.potential, to.elastic += more.elastic;
   to.momentum = to.momentum + more.momentum, to.fastest = detect::larger(to.fastest, more.fastest);
+  to.liveliest = detect::larger(to.liveliest, more.liveliest);
 }
 
 __device__ double energy_of(const View& v, std::uint32_t c) {
@@ -74,6 +75,7 @@ Watch WatchSums::watch(const View& view, cudaStream_t stream) {
     const Watch& w = host[b];
     sum.kinetic += w.kinetic, sum.potential += w.potential, sum.elastic += w.elastic;
     sum.momentum = sum.momentum + w.momentum, sum.fastest = std::max(sum.fastest, w.fastest);
+    sum.liveliest = std::max(sum.liveliest, w.liveliest);
   }
   return sum;
 }
