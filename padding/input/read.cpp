@@ -89,6 +89,9 @@ void apply_units(ReadResult& result, const ReadOptions& options, const std::stri
     factor *= metres(own) / metres(options.unit);
     result.notes.push_back("converted from " + own + " to " + options.unit);
   }
+  if (!own.empty() && result.unit.empty())
+    result.notes.push_back("its lengths, in " + own +
+                           ", were scaled and are in no unit that is known now: --unit " + own + " keeps it");
   if (factor == 1) return;
   for (Point& p : result.mesh.points) {
     p *= factor;

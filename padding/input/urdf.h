@@ -34,6 +34,7 @@ struct UrdfLink {
 struct Urdf {
   Model model;
   std::vector<UrdfLink> links;
+  std::vector<std::filesystem::path> included;  // what its text is put together from, besides its own file
   std::vector<std::string> notes;  // what was not taken as it was written, one clause each
 };
 

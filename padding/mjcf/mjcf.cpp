@@ -45,6 +45,7 @@ class MjcfReader {
   Urdf read() {
     Model& model = urdf_.model;
     model.file = path_.filename().string(), model.unit = "m";
+    urdf_.included = file_.included();
     model.name = file_.root().attribute("model").as_string(path_.stem().c_str());
     for (const xml_node& section : file_.root().children("asset"))
       for (const xml_node& mesh : section.children("mesh")) add_mesh(mesh);
@@ -55,7 +56,8 @@ class MjcfReader {
     for (const xml_node& section : file_.root().children("deformable"))
       for (const xml_node& child : section.children()) soft_ += std::string_view(child.name()) == "flex";
     for (const xml_node& section : file_.root().children("equality"))
-      for (const xml_node& joint : section.children("joint")) add_mimic(joint);
+      for (const xml_node& joint : section.children("joint"))
+        if (file_.with_defaults(joint, "").attribute("active").as_bool(true)) add_mimic(joint);
     for (const xml_node& section : file_.root().children("actuator"))
       for (const xml_node& actuator : section.children()) add_effort(actuator);
     keep_apart();
@@ -255,9 +257,10 @@ class MjcfReader {
     Vector half(size[0], size.size() > 1 ? size[1] : 0, size.size() > 2 ? size[2] : 0);
     shape.pose = frame;
     if (!ends.empty() && type != "mesh" && type != "sphere") {
+      // MuJoCo's axis of z leads from the second end to the first, which turns a box about it.
       const Vector a(ends[0], ends[1], ends[2]), b(ends[3], ends[4], ends[5]);
       shape.pose = frame * Eigen::Translation3d(0.5 * (a + b)) *
-                   Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(), b - a);
+                   Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(), a - b);
       if (!(b - a).allFinite() || !std::isfinite((b - a).norm()))
         file_.fail(node, "the two ends of its fromto are too far apart");
       const bool round = type == "capsule" || type == "cylinder";
@@ -410,23 +413,45 @@ bool is_urdf(const fs::path& path) try {
   return false;
 }
 
+// Does the element of an MJCF say what the reader of spheres (padding/import/) does not read? It takes the
+// geoms of each body that are spheres and state their size.
+bool says_more_than_spheres(const xml_node& node) {
+  static const std::set<std::string_view> more{"include", "frame",     "replicate",
+                                               "attach",  "composite", "flexcomp"};
+  const std::string_view name = node.name(), parent = node.parent().name();
+  if (name == "body") {  // the place of the only one counts where there are no links
+    bool placed = false;
+    for (const char* place : {"pos", "quat", "axisangle", "euler", "xyaxes", "zaxis"})
+      placed |= !node.attribute(place).empty();
+    const bool only = parent == "worldbody" && !node.child("body") && !node.previous_sibling("body") &&
+                      !node.next_sibling("body");
+    return node.attribute("childclass") || (only && placed);
+  }
+  if (name != "geom") return more.contains(name);
+  const bool sphere =
+      node.attribute("type").as_string("sphere") == std::string_view("sphere") && !node.attribute("mesh");
+  if (parent == "default")
+    return !sphere || node.attribute("size") || node.attribute("pos") || node.attribute("contype") ||
+           node.attribute("conaffinity");
+  const bool seen_only =
+      node.attribute("contype").as_int(1) == 0 && node.attribute("conaffinity").as_int(1) == 0;
+  return !sphere || seen_only || parent == "worldbody" || !node.attribute("size") ||
+         node.attribute("class") || node.attribute("fromto");
+}
+
 }  // namespace
 
-bool is_mjcf_to_pad(const fs::path& path) {
+bool is_robot_xml(const fs::path& path) try {
   if (path.extension() != ".xml") return false;
-  try {
-    const auto is_no_sphere = [](const xml_node& node) {
-      const std::string_view type = node.attribute("type").as_string("sphere");
-      return std::string_view(node.name()) == "geom" && (type != "sphere" || node.attribute("mesh"));
-    };
-    return !MjcfFile(path).root().find_node(is_no_sphere).empty();
-  } catch (const Error&) {  // who reads it says why it cannot be read
-    return !is_urdf(path);
-  }
+  pugi::xml_document document;
+  importing::load_xml(document, read_file(path, kMostText), path.string());
+  return !document.child("mujoco") || !document.find_node(says_more_than_spheres).empty();
+} catch (const Error&) {  // who reads it says why it cannot be read
+  return true;
 }
 
 Urdf read_robot(const fs::path& path, const UrdfOptions& options) {
-  return path.extension() == ".xml" ? read_mjcf(path, options) : read_urdf(path, options);
+  return path.extension() == ".xml" && !is_urdf(path) ? read_mjcf(path, options) : read_urdf(path, options);
 }
 
 }  // namespace padder

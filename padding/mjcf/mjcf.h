@@ -27,11 +27,11 @@ namespace padder {
 // number where one should be, a class or mesh that is not there, a name twice, a mesh file that is not there.
 Urdf read_mjcf(const std::filesystem::path& path, const UrdfOptions& options = {});
 
-// Is it a robot to be padded, and not a file of spheres? It is if its MJCF has a geom that is no sphere. A
-// .xml that cannot be read as MJCF counts, too, unless it is a URDF.
-bool is_mjcf_to_pad(const std::filesystem::path& path);
+// Is it a robot to be padded, and not a file of spheres? It is one unless it is an MJCF that says no more
+// than which spheres its bodies have. A .xml that cannot be read counts, too.
+bool is_robot_xml(const std::filesystem::path& path);
 
-// By read_mjcf if the file ends in .xml, otherwise by read_urdf.
+// By read_mjcf if the file ends in .xml and is no URDF, otherwise by read_urdf.
 Urdf read_robot(const std::filesystem::path& path, const UrdfOptions& options = {});
 
 }  // namespace padder

@@ -72,6 +72,7 @@ void MjcfFile::follow_includes(pugi::xml_node node, std::vector<std::string>& se
         fail(child, "the file " + excerpt(name) + " is included twice");
       seen.push_back(name);
       const fs::path file = path_.parent_path() / name;
+      included_.push_back(file);
       pugi::xml_document part;
       try {
         importing::load_xml(part, read_file(file, kMostText), file.string());

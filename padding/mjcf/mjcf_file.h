@@ -28,6 +28,7 @@ class MjcfFile {
   // followed.
   explicit MjcfFile(const std::filesystem::path& path);
 
+  const std::vector<std::filesystem::path>& included() const { return included_; }
   pugi::xml_node root() const { return document_.child("mujoco"); }
   // The value of the compiler's attribute, the last one if it stands several times.
   std::string compiler(const char* name, const char* otherwise) const;
@@ -51,6 +52,7 @@ class MjcfFile {
   void add_defaults(pugi::xml_node node, const std::string& above);
 
   std::filesystem::path path_;
+  std::vector<std::filesystem::path> included_;
   pugi::xml_document document_;
   std::map<std::string, std::vector<pugi::xml_node>>
       classes_;  // each with the classes around it, itself first

@@ -168,6 +168,16 @@ class ManifestTest(unittest.TestCase):
         mesh.write_bytes(b"changed" + mesh.read_bytes()[7:])  # in its header
         self.assertEqual(self.counts(*words), (1, 0, 0))
 
+    def test_included_files_of_an_mjcf_count(self):
+        self.put("part.xml", "<mujoco><body name='b'><geom type='box' size='.1 .1 .1'/></body></mujoco>")
+        self.put("whole.xml", "<mujoco><worldbody><include file='part.xml'/></worldbody></mujoco>")
+        self.put("list.txt", "whole.xml -o out.xml\n")
+        words = "--manifest", "list.txt", "-o", "out", "--tolerance", "10%"
+        self.assertEqual(self.counts(*words), (1, 0, 0))
+        self.assertEqual(self.counts(*words), (0, 1, 0))
+        self.put("part.xml", "<mujoco><body name='b'><geom type='box' size='.1 .1 .2'/></body></mujoco>")
+        self.assertEqual(self.counts(*words), (1, 0, 0))
+
     def test_the_buffers_of_a_gltf_count(self):
         points = struct.pack("<12f", 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
         bytes_ = points + struct.pack("<12H", 0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2)

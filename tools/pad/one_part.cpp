@@ -25,7 +25,7 @@ bool is_robot(const std::string& file) {
   static std::map<std::string, bool> known;  // to tell, an .xml must be parsed
   const auto [at, fresh] = known.try_emplace(file);
   const std::string ending = fs::path(file).extension().string();
-  if (fresh) at->second = ending == ".urdf" || ending == ".xacro" || is_mjcf_to_pad(file);
+  if (fresh) at->second = ending == ".urdf" || ending == ".xacro" || is_robot_xml(file);
   return at->second;
 }
 
@@ -79,7 +79,14 @@ void check_conversion(const PadArguments& a, const std::map<std::string, std::st
 }
 
 void check_robot_options(const CLI::App& app, const std::vector<std::string>& files) {
-  if (std::ranges::any_of(files, is_robot)) return;
+  if (std::ranges::any_of(files, is_robot)) {
+    cli::refuse_options(app, {"--family", "--mask"},
+                        ": the links of a robot get theirs from its joints, leave it out");
+    const CLI::Option* const preview = app.get_option_no_throw("--preview");  // lines of a manifest have none
+    if (preview && preview->count() == 0)
+      cli::refuse_options(app, {"--joint"}, " is for the picture: add --preview FILE");
+    return;
+  }
   cli::refuse_options(
       app, {"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"},
       " is for a robot, and " + cli::StreamFiles::spoken(files[0]) + " is none");
@@ -109,6 +116,7 @@ std::vector<fs::path> further_inputs(const std::string& file, const std::shared_
   if (file.ends_with(".gltf")) return reading::files_beside_gltf(file);
   std::vector<fs::path> files;
   if (!is_robot(file)) return files;
+  files = robot.get().included;
   for (const UrdfLink& link : robot.get().links)
     for (const UrdfShape& shape : link.shapes)
       if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);

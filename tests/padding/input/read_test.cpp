@@ -690,7 +690,11 @@ TEST_F(Read, UnitsAndScale) {
   EXPECT_EQ(mm.notes[0], "converted from m to mm");
   const ReadResult inch = read_mesh(gltf, {.scale = 2, .unit = "in"});
   EXPECT_NEAR(size(inch.mesh).z(), 6 / 0.0254, 1e-9);
-  EXPECT_EQ(read_mesh(gltf, {.scale = 2, .unit = ""}).unit, "");
+  const ReadResult scaled = read_mesh(gltf, {.scale = 2, .unit = ""});
+  EXPECT_EQ(scaled.unit, "");
+  ASSERT_EQ(scaled.notes.size(), 1u);
+  EXPECT_EQ(scaled.notes[0],
+            "its lengths, in m, were scaled and are in no unit that is known now: --unit m keeps it");
   const ReadResult label = read_mesh(obj, {.scale = 0.5, .unit = "cm"});
   EXPECT_EQ(label.unit, "cm");
   EXPECT_DOUBLE_EQ(volume(label.mesh), 0.125);

@@ -106,6 +106,9 @@ class MjcfTest : public ExportTest {
         EXPECT_TRUE(shape.size.isApprox(2 * half, 1e-12));
         EXPECT_TRUE((pose.linear() * half.asDiagonal() * pose.linear().transpose())
                         .isApprox(theirs.linear() * half.asDiagonal() * theirs.linear().transpose(), 1e-9));
+        // Square ones, too: axes along axes, in whatever order.
+        for (const double c : (theirs.linear().transpose() * pose.linear()).cwiseAbs().reshaped())
+          EXPECT_TRUE(c < 1e-6 || c > 1 - 1e-6) << c;
         break;
       case UrdfShape::Type::ellipsoid:
         EXPECT_TRUE(shape.size.isApprox(half, 1e-12));
@@ -166,7 +169,8 @@ TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
       "0'><geom "
       "size='.1' contype='2' conaffinity='2'/><joint name='m' type='ball'/></body></body></worldbody>"
       "<contact><exclude body1='a' body2='c'/></contact><actuator><motor joint='j' gear='5'/></actuator>"
-      "<equality><joint joint1='l' joint2='j' polycoef='.1 .5 0 0 0'/></equality>"));
+      "<equality><joint joint1='l' joint2='j' polycoef='.1 .5 0 0 0'/><joint joint1='k' joint2='j' "
+      "active='false'/></equality>"));
   const auto body = [&](const std::string& name) {
     return *std::ranges::find(r.model.bodies, name, &Body::name);
   };
@@ -176,6 +180,7 @@ TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
   EXPECT_EQ(body("a").joint.damping, 2);
   EXPECT_EQ(body("a").joint.friction, 0.5);
   EXPECT_EQ(body("b").joint.lower, body("b").joint.upper);
+  EXPECT_EQ(body("b").joint.mimic, "");
   EXPECT_EQ(body("c").joint.mimic, "j");
   EXPECT_NEAR(body("c").joint.offset, 0.1 + std::numbers::pi / 18, 1e-12);
   EXPECT_EQ(body("c").joint.multiplier, 0.5);
@@ -221,6 +226,27 @@ TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
     EXPECT_NE(fault(inside).find(words), std::string::npos) << inside << ": " << fault(inside);
 }
 
+// Spheres alone are converted as they are, if the file says no more than where they are in their bodies.
+TEST_F(MjcfTest, SpheresThatSayMoreAreARobot) {
+  const auto robot = [&](const std::string& text) {
+    write_file(folder_ / "s.xml", text);
+    return is_robot_xml(folder_ / "s.xml");
+  };
+  const std::string plain = "<body name='b'><geom size='.1' pos='1 0 0'/></body>";
+  EXPECT_FALSE(robot("<mujoco><worldbody>" + plain + "</worldbody></mujoco>"));
+  for (const std::string& more : std::vector<std::string>{
+           "<body name='b' pos='1 2 3'><geom size='.1'/></body>", "<geom size='.1'/>" + plain,
+           std::string("<body name='b'><frame pos='0 0 1'><geom size='.1'/></frame></body>"),
+           std::string("<body name='b'><geom pos='1 0 0'/></body>"),
+           std::string("<body name='b'><geom size='.1'/><geom size='1' contype='0' conaffinity='0'/></body>"),
+           std::string("<body name='b'><geom type='box' size='.1 .1 .1'/></body>")})
+    EXPECT_TRUE(robot("<mujoco><worldbody>" + more + "</worldbody></mujoco>")) << more;
+  EXPECT_TRUE(
+      robot("<mujoco><default><geom size='.1'/></default><worldbody>" + plain + "</worldbody></mujoco>"));
+  EXPECT_TRUE(robot("<mujoco><include file='spheres.xml'/></mujoco>"));
+  EXPECT_TRUE(robot("<robot name='r'><link name='l'/></robot>"));
+}
+
 // What was read is written to MuJoCo again: the same tree, joints and masses, with spheres as geoms.
 TEST_F(MjcfTest, APaddedRobotIsTheSameRobot) {
   const fs::path file = world(
@@ -230,11 +256,11 @@ TEST_F(MjcfTest, APaddedRobotIsTheSameRobot) {
       "range='-60 "
       "60'/><inertial pos='0 0 -.2' mass='2' diaginertia='.1 .1 .1'/><geom type='capsule' size='.03' "
       "fromto='0 0 0 0 0 -.4'/></body></body>");
-  ASSERT_TRUE(is_mjcf_to_pad(file));
+  ASSERT_TRUE(is_robot_xml(file));
   PadOptions options;
   options.tolerance = Length::share(0.05);
   const PaddedRobot r = pad_robot(file, options);
-  EXPECT_FALSE(is_mjcf_to_pad(write(r.model, "out.xml")));
+  EXPECT_FALSE(is_robot_xml(write(r.model, "out.xml")));
   char error[1000] = "";
   mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
   ASSERT_NE(m, nullptr) << error;
