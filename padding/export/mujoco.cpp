@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Writes MuJoCo's MJCF: bodies nested by their joints, and one geom for each sphere.
 #include <Eigen/Eigenvalues>
+#include <map>
+#include <set>
 
 #include "padding/export/writers.h"
 
@@ -29,6 +31,10 @@ class MjcfWriter {
     for (std::size_t b = 0; b < job.model.bodies.size(); b++)
       if (const int parent = job.model.bodies[b].parent; parent >= 0)
         children_[static_cast<std::size_t>(parent)].push_back(b);
+    for (const Body& b : job.model.bodies) {
+      bodies_.insert(b.name);
+      joints_[b.joint.name] = &b.joint;
+    }
   }
 
   std::string document() {
@@ -62,7 +68,7 @@ class MjcfWriter {
   std::string joint(const Body& b, const std::string& indent) {
     const auto hinge_or_slide = [&](const char* type, const Vector& axis, const std::string& suffix,
                                     bool limited) {
-      return indent + "<joint name=\"" + xml_text(b.joint.name + suffix) + "\" type=\"" + type +
+      return indent + "<joint name=\"" + xml_text(joint_name(b.joint, suffix)) + "\" type=\"" + type +
              "\" axis=\"" + numbers(axis) + "\"" +
              (limited
                   ? " limited=\"true\" range=\"" + number(b.joint.lower) + " " + number(b.joint.upper) + "\""
@@ -82,7 +88,8 @@ class MjcfWriter {
         std::string out;
         for (int k = 0; k < 3; k++)
           out += hinge_or_slide("slide", Vector::Unit(k), std::string("_") + "xyz"[k], false);
-        return out + indent + "<joint name=\"" + xml_text(b.joint.name) + "_turn\" type=\"ball\"/>\n";
+        return out + indent + "<joint name=\"" + xml_text(joint_name(b.joint, "_turn")) +
+               "\" type=\"ball\"/>\n";
       }
       case Joint::Type::ball:
         return indent + "<joint name=\"" + xml_text(b.joint.name) + "\" type=\"ball\"/>\n";
@@ -98,6 +105,13 @@ class MjcfWriter {
     return false;
   }
 
+  // Of one of the joints that stand for one that moves in several ways. No other joint has it.
+  std::string joint_name(const Joint& joint, const std::string& suffix) const {
+    std::string name = joint.name + suffix;
+    while (!suffix.empty() && joints_.contains(name)) name += '_';
+    return name;
+  }
+
   // MuJoCo has a body of this name already, which no other may have: the world that all bodies stand in.
   bool is_world(int index) const {
     if (index < 0 || !job_.model.robot()) return false;
@@ -105,11 +119,19 @@ class MjcfWriter {
     return b.parent < 0 && b.name == "world" && b.pose.matrix().isIdentity(0);
   }
 
+  std::string body_name(std::size_t index) const {
+    std::string name = job_.model.bodies[index].name;
+    if (name != "world" || is_world(static_cast<int>(index))) return name;
+    do name += '_';
+    while (bodies_.contains(name));
+    return name;
+  }
+
   std::string body(std::size_t index, const std::string& indent) {
     const Body& b = job_.model.bodies[index];
     const std::string inside = indent + "  ";
     if (is_world(static_cast<int>(index))) return content(index, indent);
-    std::string out = indent + "<body name=\"" + xml_text(b.name) + "\"" + place(b.pose) + ">\n";
+    std::string out = indent + "<body name=\"" + xml_text(body_name(index)) + "\"" + place(b.pose) + ">\n";
     const auto inertial = inertial_of(b, job_.options.density);
     // An asset on its own is a free body; a robot's root stays where it is.
     const bool alone = !job_.model.robot() && b.parent < 0;
@@ -162,18 +184,21 @@ class MjcfWriter {
       const Body &a = job_.model.bodies[i], &b = job_.model.bodies[j];
       const bool pass = (bits_[i].own & bits_[j].others) || (bits_[j].own & bits_[i].others);
       if (pass && a.cluster.size() > 0 && b.cluster.size() > 0)
-        out += "    <exclude body1=\"" + xml_text(a.name) + "\" body2=\"" + xml_text(b.name) + "\"/>\n";
+        out += "    <exclude body1=\"" + xml_text(body_name(i)) + "\" body2=\"" + xml_text(body_name(j)) +
+               "\"/>\n";
     }
     return out.empty() ? "" : "  <contact>\n" + out + "  </contact>\n";
   }
 
-  // Joints that follow another one: URDF's <mimic> is a polynomial of degree 1.
+  // Joints that follow another one: URDF's <mimic> is a polynomial of degree 1. What follows a joint that has
+  // no single place, as a fixed one, stays where that one is at 0.
   std::string followers() const {
     std::string out;
     for (const Body& b : job_.model.bodies)
       if (!b.joint.mimic.empty() && b.joint.moves_one_way())
-        out += "    <joint joint1=\"" + xml_text(b.joint.name) + "\" joint2=\"" + xml_text(b.joint.mimic) +
-               "\" polycoef=\"" + number(b.joint.offset) + " " + number(b.joint.multiplier) + " 0 0 0\"/>\n";
+        out += "    <joint joint1=\"" + xml_text(b.joint.name) + "\"" +
+               (leads(b.joint.mimic) ? " joint2=\"" + xml_text(b.joint.mimic) + "\"" : "") + " polycoef=\"" +
+               number(b.joint.offset) + " " + number(b.joint.multiplier) + " 0 0 0\"/>\n";
     return out.empty() ? "" : "  <equality>\n" + out + "  </equality>\n";
   }
 
@@ -188,8 +213,15 @@ class MjcfWriter {
     return out.empty() ? "" : "  <actuator>\n" + out + "  </actuator>\n";
   }
 
+  bool leads(const std::string& joint) const {
+    const auto found = joints_.find(joint);
+    return found != joints_.end() && found->second->moves_one_way();
+  }
+
   const Job& job_;
   std::vector<FilterBits> bits_;
+  std::set<std::string> bodies_;
+  std::map<std::string, const Joint*> joints_;
   std::vector<std::vector<std::size_t>> children_;
   bool weightless_ = false, unbalanced_ = false;
 };

@@ -276,5 +276,31 @@ TEST_F(MjcfTest, APaddedRobotIsTheSameRobot) {
   for (const char* other : {"o.xrdf", "o.yaml", "o.srdf", "o.usda"}) write(r.model, other);
 }
 
+// Names that MuJoCo has already, or that stand for parts of a joint; a joint that follows a fixed one.
+TEST_F(MjcfTest, NamesOfAUrdfThatMuJoCoWouldRefuse) {
+  const std::string ball = "<collision><geometry><sphere radius='.1'/></geometry></collision></link>";
+  const auto joint = [](const std::string& name, const std::string& type, const std::string& parent,
+                        const std::string& child, const std::string& more = "") {
+    return "<joint name='" + name + "' type='" + type + "'><parent link='" + parent + "'/><child link='" +
+           child + "'/><origin xyz='1 0 0'/><axis xyz='0 0 1'/>" + more + "</joint>";
+  };
+  std::string text = "<robot name='r'>";
+  for (const char* link : {"base", "world", "world_", "a", "b"})
+    text += "<link name='" + std::string(link) + "'>" + ball;
+  text += joint("p", "planar", "base", "world") + joint("p_x", "fixed", "world", "world_") +
+          joint("p_y", "continuous", "world_", "a") +
+          joint("q", "continuous", "a", "b", "<mimic joint='p_x' multiplier='2' offset='.3'/>") + "</robot>";
+  write_file(folder_ / "r.urdf", text);
+  const PaddedRobot r = pad_robot(folder_ / "r.urdf", {});
+  write(r.model, "out.xml");
+  char error[1000] = "";
+  mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
+  ASSERT_NE(m, nullptr) << error;
+  EXPECT_EQ(m->njnt, 5);
+  EXPECT_EQ(m->neq, 1);
+  EXPECT_GE(mj_name2id(m, mjOBJ_BODY, "world__"), 0);
+  mj_deleteModel(m);
+}
+
 }  // namespace
 }  // namespace padder::samples
