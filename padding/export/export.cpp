@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/export/writers.h"
 
@@ -187,8 +188,12 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
                                      const ExportOptions& options) {
   check(model, format, path.string());
   if (!(options.density > 0) || !std::isfinite(options.density)) throw Error("the density must be positive");
-  const Model converted =
+  Model converted =
       scaled(model, format.in_metres ? metres(model.unit) : 1, format.in_metres ? "m" : model.unit);
+  if (!converted.robot()) {  // the names are those of files, which hold any bytes
+    converted.name = excerpt(converted.name, std::string::npos);
+    for (Body& b : converted.bodies) b.name = excerpt(b.name, std::string::npos);
+  }
   Job job{converted, options, {}};
   if (format.filter == F::pairs || format.filter == F::both) job.pairs = pairs_apart(model);
   const auto entry = std::find_if(kEntries.begin(), kEntries.end(), [&](const Entry& e) {
@@ -305,7 +310,7 @@ std::string origin(const Model& model) {
     if (model.bodies.size() == 1 && !c.source.file.empty())
       inside += (inside.empty() ? "from " : ", from ") + c.source.file;
   }
-  return one_line(model.name + (inside.empty() ? "" : " (" + inside + ")"));
+  return excerpt(model.name + (inside.empty() ? "" : " (" + inside + ")"), std::string::npos);
 }
 
 std::vector<Point> centers_in_mass_frame(const Cluster& c) {

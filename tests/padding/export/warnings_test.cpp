@@ -2,6 +2,7 @@
 #include <functional>
 #include <map>
 
+#include "padding/asset/excerpt.h"
 #include "padding/export/writers.h"
 #include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
@@ -84,6 +85,20 @@ TEST_F(WarningsTest, MassPropertiesThatNoBodyHasAreNotWritten) {
       EXPECT_EQ(told(format, spoil).find("no body has the mass properties of brick") != std::string::npos,
                 exporting::states_mass(format))
           << format.name;
+  }
+}
+
+// A part is called what its file is called, which may be in Latin-1 or hold anything else.
+TEST_F(WarningsTest, NamesThatAreNoTextAreWrittenAsText) {
+  Cluster c = brick();
+  c.name = "t\xe4st \x01", c.source.file = "t\xe4st \x01.obj";
+  for (const char* format : {"chrono", "yade", "mercury", "urdf", "mujoco", "usd", "curobo", "xrdf", "obj"}) {
+    const Format& f = *std::ranges::find(formats(), std::string_view(format), &Format::name);
+    for (const auto& [name, bytes] : files(model_of(c), f, std::string("names_") + format)) {
+      std::string shown = excerpt(bytes, std::string::npos), lines;  // escapes line ends and tabs alone
+      for (const char b : bytes) lines += b == '\n' ? "\\n" : b == '\t' ? "\\t" : std::string(1, b);
+      EXPECT_EQ(shown, lines) << name;
+    }
   }
 }
 
