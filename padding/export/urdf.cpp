@@ -86,8 +86,11 @@ std::string text_of(const pugi::xml_document& document) {
 // Writes the document that the robot was read from. Only <collision> changes; a missing <inertial> is added.
 std::string edited(const Job& job) {
   pugi::xml_document document;
-  if (!document.load_string(job.model.urdf.c_str(), pugi::parse_full))
+  if (!document.load_buffer(job.model.urdf.data(), job.model.urdf.size(), pugi::parse_full))
     throw Error("the URDF of " + job.model.name + " is not XML");
+  for (pugi::xml_node node : document.children())
+    if (node.type() == pugi::node_declaration && node.attribute("encoding"))
+      node.attribute("encoding").set_value("UTF-8");  // as it is written
   pugi::xml_node robot = document.child("robot");
   for (const Body& body : job.model.bodies) {
     pugi::xml_node link = robot.find_child_by_attribute("link", "name", body.name.c_str());

@@ -109,13 +109,9 @@ class UrdfReader {
   double one(const pugi::xml_node& node, const char* name, const std::string& where) const {
     const pugi::xml_attribute attribute = node.attribute(name);
     if (!attribute) fail(where + ": a number is wanted as its " + name);
-    const char* text = attribute.as_string();
-    const char* end = text + std::strlen(text);
-    double v = 0;
-    const auto [next, code] = std::from_chars(text, end, v);
-    if (code != std::errc() || next != end || !std::isfinite(v))
-      fail(where + ": " + wants("a number", attribute));
-    return v;
+    const auto v = importing::numbers_in(attribute.as_string());
+    if (!v || v->size() != 1 || !std::isfinite((*v)[0])) fail(where + ": " + wants("a number", attribute));
+    return (*v)[0];
   }
   double positive(const pugi::xml_node& node, const char* name, const std::string& where) const {
     const double v = one(node, name, where);
@@ -224,6 +220,7 @@ class UrdfReader {
         {"spherical", Joint::Type::ball}};
     Joint joint;
     joint.name = node.attribute("name").as_string();
+    if (joint.name.empty()) fail("a <joint> has no name");
     const std::string where = "joint " + excerpt(joint.name);
     if (!joint_names_.insert(joint.name).second) fail("two joints are called " + excerpt(joint.name));
     const auto type = types.find(node.attribute("type").as_string());

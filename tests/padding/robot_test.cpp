@@ -309,6 +309,17 @@ TEST_F(RobotTest, AXacroFileIsExpandedOrTheProgramIsNamed) {
   setenv("PATH", path.c_str(), 1);
 }
 
+// Written back as the UTF-8 that its declaration then says. Numbers may have a sign and blanks around them.
+TEST_F(RobotTest, AUrdfInAnotherEncodingIsWrittenBack) {
+  write_file(folder_ / "latin.urdf",
+             "<?xml version='1.0' encoding='ISO-8859-1'?><robot name='r'><link name='t\xe4st'><collision>"
+             "<geometry><sphere radius=' +0.1 '/></geometry></collision></link></robot>");
+  const PaddedRobot r = pad_robot(folder_ / "latin.urdf", {});
+  const std::string written = text(r.model, "out.urdf");
+  EXPECT_NE(written.find("encoding=\"UTF-8\""), written.npos) << written;
+  EXPECT_EQ(read_urdf(folder_ / "out.urdf").links[0].name, "t\xc3\xa4st");
+}
+
 TEST_F(RobotTest, MimicEffortDampingAndFriction) {
   const std::string ab = link("a") + link("b") + link("c") + joint("a", "b");
   const Urdf u =
