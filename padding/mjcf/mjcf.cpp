@@ -445,7 +445,9 @@ bool is_robot_xml(const fs::path& path) try {
   if (path.extension() != ".xml") return false;
   pugi::xml_document document;
   importing::load_xml(document, read_file(path, kMostText), path.string());
-  return !document.child("mujoco") || !document.find_node(says_more_than_spheres).empty();
+  const auto is_geom = [](const xml_node& node) { return std::string_view(node.name()) == "geom"; };
+  return !document.child("mujoco") || document.find_node(is_geom).empty() ||
+         !document.find_node(says_more_than_spheres).empty();
 } catch (const Error&) {  // who reads it says why it cannot be read
   return true;
 }

@@ -77,6 +77,8 @@ TEST_F(PadFormatsTest, AConversionToAnotherUnitKeepsTheSize) {
   ASSERT_EQ(pad("cube.obj --lod 10%,5% --max-radius 20% -q --unit m -o c.spheres.json").output, "");
   ASSERT_EQ(pad("c.spheres.json --unit mm -q -o mm.spheres.json -o mm.urdf").output, "");
   ASSERT_EQ(pad("c.spheres.json -q -o m.urdf").output, "");
+  EXPECT_NE(pad("c.spheres.json -o m.xml").output.find("levels of detail are left out of m.xml"),
+            std::string::npos);
   const Cluster m = read_spheres(folder_ / "c.spheres.json"), mm = read_spheres(folder_ / "mm.spheres.json");
   EXPECT_EQ(mm.unit, "mm");
   EXPECT_NEAR(mm.bounds.diagonal(), 1000 * m.bounds.diagonal(), 1e-9);

@@ -63,6 +63,8 @@ Json run_convert(const PadArguments& a, const std::string& input, const PadTarge
   std::vector<std::string> warnings;
   Json outputs = Json::array();
   for (const OutputFile& file : target.in_writing_order()) write(spheres, input, file, a.density, warnings);
+  const auto has_levels = [](const Body& body) { return !body.cluster.lods.empty(); };
+  target.tell_levels_left_out(std::ranges::any_of(model.bodies, has_levels), warnings);
   for (const OutputFile& file : target.outputs) outputs.push_back(file.path.string());
   return {{"input", cli::StreamFiles::spoken(input)},
           {"output", outputs[0]},

@@ -82,9 +82,6 @@ void check_robot_options(const CLI::App& app, const std::vector<std::string>& fi
   if (std::ranges::any_of(files, is_robot)) {
     cli::refuse_options(app, {"--family", "--mask"},
                         ": the links of a robot get theirs from its joints, leave it out");
-    const CLI::Option* const preview = app.get_option_no_throw("--preview");  // lines of a manifest have none
-    if (preview && preview->count() == 0)
-      cli::refuse_options(app, {"--joint"}, " is for the picture: add --preview FILE");
     return;
   }
   cli::refuse_options(
@@ -175,6 +172,7 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
     for (auto& sentence : write_model(model_of(padded.cluster), out.path, *out.format, {a.density}))
       warnings.push_back(std::move(sentence));
   }
+  target.tell_levels_left_out(!padded.cluster.lods.empty(), warnings);
   if (!target.mesh.empty()) {
     make_folder_of(target.mesh);
     write_mesh(padded.mesh, target.mesh);

@@ -113,6 +113,9 @@ Json run_robot(const PadArguments& a, const std::string& file, const PadTarget& 
       warnings.push_back(std::move(sentence));
   for (const PadReport& report : robot.reports)
     warnings.insert(warnings.end(), report.warnings.begin(), report.warnings.end());
+  const auto has_levels = [](const Body& body) { return !body.cluster.lods.empty(); };
+  target.tell_levels_left_out(!target.in_folder && std::ranges::any_of(robot.model.bodies, has_levels),
+                              warnings);
   if (!target.preview.empty()) write_preview(view_of(robot, places), target.preview, a.colour);
   Json links = Json::array();
   for (std::size_t k = 0; k < robot.model.bodies.size(); k++) {

@@ -33,6 +33,13 @@ struct PadTarget {
                           [](const OutputFile& file) { return !file.is("srdf"); });
     return files;
   }
+  // Levels of detail are in a .spheres.json alone: a warning where there are some and none is written.
+  void tell_levels_left_out(bool levels, std::vector<std::string>& warnings) const {
+    const auto keeps = [](const OutputFile& file) { return !file.format; };
+    if (levels && std::none_of(outputs.begin(), outputs.end(), keeps))
+      warnings.push_back("the levels of detail are left out of " + outputs[0].path.string() +
+                         ": a .spheres.json keeps them, name one with -o as well");
+  }
 };
 
 }  // namespace padder
