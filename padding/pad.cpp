@@ -135,9 +135,8 @@ struct Asked {
     gap = in_unit_frame(options.gap.value_or(tolerance));
     filled = options.each_error() && !(gap > 0);
   }
-  // Scaling to another unit costs the last digits.
   bool kept_by(const Accuracy& a) const {
-    const double rounding = 1e-9 * (protrusion + gap);
+    const double rounding = kKeptBack * (protrusion + gap);
     return !(protrusion + gap > 0) ||
            (a.protrusion_max <= protrusion + rounding && a.gap_max <= gap + rounding);
   }

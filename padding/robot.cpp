@@ -11,7 +11,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/input/text.h"
-#include "padding/mjcf/mjcf.h"
+#include "padding/robots/mjcf.h"
 #include "padding/self_collision.h"
 #include "padding/shape_mesh.h"
 
@@ -25,18 +25,18 @@ bool y_up(const fs::path& file) {
   return ending == ".gltf" || ending == ".glb";
 }
 
-Mesh placed(Mesh mesh, const UrdfShape& shape) {
+Mesh placed(Mesh mesh, const RobotShape& shape) {
   for (Point& p : mesh.points) p = shape.pose * p.cwiseProduct(shape.scale);
   if (shape.scale.prod() < 0)
     for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
   return mesh;
 }
 
-double extent(const UrdfLink& link, const std::vector<ReadResult>& files) {
+double extent(const RobotLink& link, const std::vector<ReadResult>& files) {
   Box box;
   for (std::size_t k = 0; k < link.shapes.size(); k++) {
-    const UrdfShape& s = link.shapes[k];
-    if (s.type == UrdfShape::Type::mesh)
+    const RobotShape& s = link.shapes[k];
+    if (s.type == RobotShape::Type::mesh)
       for (const Point& p : files[k].mesh.points) box.add(s.pose * p.cwiseProduct(s.scale));
     else
       box.add(s.pose.translation() - s.size), box.add(s.pose.translation() + s.size);
@@ -55,20 +55,20 @@ double chord_error_for(const PadOptions& options, double diagonal) {
   return (asked.given() ? asked.absolute(diagonal) : error) / 20;
 }
 
-bool only_spheres(const UrdfLink& link) {
+bool only_spheres(const RobotLink& link) {
   return std::all_of(link.shapes.begin(), link.shapes.end(),
-                     [](const UrdfShape& s) { return s.type == UrdfShape::Type::sphere; });
+                     [](const RobotShape& s) { return s.type == RobotShape::Type::sphere; });
 }
 
 // The spheres of the link as they are. The mass of several is left unknown, because they may overlap.
-Cluster spheres_of(const UrdfLink& link, const fs::path& urdf) {
+Cluster spheres_of(const RobotLink& link, const fs::path& file) {
   Cluster c;
   c.unit = "m";
   c.program = "padder " PADDER_VERSION;
-  c.source.file = urdf.filename().string() + ", link " + link.name;
+  c.source.file = file.filename().string() + ", link " + link.name;
   c.source.repair = "none: its shapes are spheres";
   c.accuracy.coverage = 1;
-  for (const UrdfShape& s : link.shapes) {
+  for (const RobotShape& s : link.shapes) {
     c.centers.push_back(s.pose.translation()), c.radii.push_back(s.size.x()), c.triangle.push_back(-1);
     c.bounds.add_ball(c.centers.back(), c.radii.back());
   }
@@ -85,10 +85,10 @@ Cluster spheres_of(const UrdfLink& link, const fs::path& urdf) {
 
 }  // namespace
 
-ReadResult read_link(const UrdfLink& link, const fs::path& urdf, const PadOptions& options) {
+ReadResult read_link(const RobotLink& link, const fs::path& file, const PadOptions& options) {
   std::vector<ReadResult> files(link.shapes.size());
   for (std::size_t k = 0; k < files.size(); k++) {
-    if (link.shapes[k].type != UrdfShape::Type::mesh) continue;
+    if (link.shapes[k].type != RobotShape::Type::mesh) continue;
     files[k] = read_mesh(link.shapes[k].file, ReadOptions{1, "m"});
     if (y_up(link.shapes[k].file))
       for (Point& p : files[k].mesh.points) p = Point(p.x(), -p.z(), p.y());
@@ -99,8 +99,8 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf, const PadOption
   for (const ReadResult& f : files)
     for (const std::string& note : f.notes) all.notes.push_back(link.name + ": " + note);
   for (std::size_t k = 0; k < files.size(); k++) {
-    const UrdfShape& s = link.shapes[k];
-    if (s.type == UrdfShape::Type::mesh) {
+    const RobotShape& s = link.shapes[k];
+    if (s.type == RobotShape::Type::mesh) {
       all.mesh.add(placed(std::move(files[k].mesh), s));
       all.source.triangles += files[k].source.triangles;
     } else {
@@ -110,10 +110,10 @@ ReadResult read_link(const UrdfLink& link, const fs::path& urdf, const PadOption
       all.chord_error = std::max(all.chord_error, shape.chord_error);
     }
   }
-  if (files.size() == 1 && link.shapes[0].type == UrdfShape::Type::mesh)
+  if (files.size() == 1 && link.shapes[0].type == RobotShape::Type::mesh)
     all.source.file = files[0].source.file, all.source.sha256 = files[0].source.sha256;
   else
-    all.source.file = urdf.filename().string() + ", link " + link.name;
+    all.source.file = file.filename().string() + ", link " + link.name;
   return all;
 }
 
@@ -123,25 +123,32 @@ namespace {
 struct Task {
   std::size_t link;
   ReadResult file;
+  bool solids;  // several shapes and no mesh: each is solid, so that one inside another bounds no cavity
 };
 
-bool same_body(const ReadResult& a, const ReadResult& b) {
-  return a.mesh.points == b.mesh.points && a.mesh.triangles == b.mesh.triangles &&
-         a.chord_error == b.chord_error;
+bool same_body(const Task& a, const Task& b) {
+  return a.file.mesh.points == b.file.mesh.points && a.file.mesh.triangles == b.file.mesh.triangles &&
+         a.file.chord_error == b.file.chord_error && a.solids == b.solids;
+}
+
+bool several_solids(const RobotLink& link) {
+  return link.shapes.size() > 1 && std::ranges::none_of(link.shapes, [](const RobotShape& s) {
+           return s.type == RobotShape::Type::mesh;
+         });
 }
 
 // Pads the links side by side, the largest first. Each takes its portion of the threads. Of links with the
 // same shapes, as the wheels of a base, the first is padded for all.
 class Links {
  public:
-  Links(const fs::path& path, const Urdf& urdf, std::vector<Task> tasks, const PadProgress& progress)
-      : path_(path), urdf_(urdf), tasks_(std::move(tasks)), progress_(progress) {
+  Links(const fs::path& path, const RobotTree& robot, std::vector<Task> tasks, const PadProgress& progress)
+      : path_(path), robot_(robot), tasks_(std::move(tasks)), progress_(progress) {
     std::stable_sort(tasks_.begin(), tasks_.end(), [](const Task& a, const Task& b) {
       return a.file.mesh.triangles.size() > b.file.mesh.triangles.size();
     });
     for (std::size_t k = 0; k < tasks_.size(); k++) {
       std::size_t same = 0;  // k at last, as a mesh that holds NaN does not equal itself
-      while (same < k && !same_body(tasks_[same].file, tasks_[k].file)) same++;
+      while (same < k && !same_body(tasks_[same], tasks_[k])) same++;
       first_.push_back(same);
     }
   }
@@ -198,6 +205,8 @@ class Links {
   std::vector<Padded> pad_different(const PadOptions& options) const {
     std::vector<Padded> out(tasks_.size());
     std::vector<std::string> errors(tasks_.size());
+    PadOptions united = options;
+    if (united.repair == RepairMode::automatic) united.repair = RepairMode::united;
     const int threads = omp_get_max_threads(), levels = omp_get_max_active_levels();
     const int side_by_side = std::clamp(static_cast<int>(tasks_.size()), 1, threads);
     omp_set_max_active_levels(2);
@@ -219,11 +228,12 @@ class Links {
       omp_set_num_threads(std::max(1, threads / side_by_side));
 #pragma omp for schedule(dynamic, 1)
       for (std::size_t k = 0; k < tasks_.size(); k++) {
-        const std::string& name = urdf_.links[tasks_[k].link].name;
+        const std::string& name = robot_.links[tasks_[k].link].name;
         try {
           tell(name);
           if (first_[k] == k)
-            out[k] = padder::pad(tasks_[k].file, options, [&](const char*, int, int) { tell(name); });
+            out[k] = padder::pad(tasks_[k].file, tasks_[k].solids ? united : options,
+                                 [&](const char*, int, int) { tell(name); });
         } catch (const std::bad_alloc&) {
           errors[k] = "not enough memory: ask for fewer spheres, or fewer --threads";
         } catch (const std::exception& e) {
@@ -240,7 +250,7 @@ class Links {
     for (std::size_t k = 0; k < tasks_.size(); k++)
       if (!errors[k].empty() && (first == tasks_.size() || tasks_[k].link < tasks_[first].link)) first = k;
     if (first < tasks_.size()) {
-      const std::string link = ", link " + urdf_.links[tasks_[first].link].name + ": ";
+      const std::string link = ", link " + robot_.links[tasks_[first].link].name + ": ";
       const std::string own = path_.filename().string() + link;  // how a link without one file names itself
       const std::string& said = errors[first];
       throw Error(path_.string() + link + (said.starts_with(own) ? said.substr(own.size()) : said));
@@ -249,7 +259,7 @@ class Links {
   }
 
   const fs::path& path_;
-  const Urdf& urdf_;
+  const RobotTree& robot_;
   std::vector<Task> tasks_;
   std::vector<std::size_t> first_;  // for each task the first one with the same mesh
   const PadProgress& progress_;
@@ -257,38 +267,39 @@ class Links {
 
 }  // namespace
 
-PaddedRobot pad_robot(const fs::path& path, Urdf urdf, const PadOptions& asked, const RobotOptions& whole,
-                      const PadProgress& progress) {
+PaddedRobot pad_robot(const fs::path& path, RobotTree robot, const PadOptions& asked,
+                      const RobotOptions& whole, const PadProgress& progress) {
   PadOptions options = asked;
   if (whole.max_spheres > 0 && (options.by_tolerance() || options.depth_ratio))
     throw Error(
         "a number of spheres for the whole robot (--robot-spheres) excludes a tolerance, a count and a "
         "depth ratio for each link: leave these out");
-  if (std::all_of(urdf.links.begin(), urdf.links.end(), [](const UrdfLink& l) { return l.shapes.empty(); }))
+  if (std::all_of(robot.links.begin(), robot.links.end(),
+                  [](const RobotLink& l) { return l.shapes.empty(); }))
     throw Error(path.string() + ": no link has any geometry" +
-                (urdf.notes.empty() ? "" : " (" + urdf.notes.front() + ")"));
-  keep_neighbours_apart(urdf);
+                (robot.notes.empty() ? "" : " (" + robot.notes.front() + ")"));
+  keep_neighbours_apart(robot);
   PaddedRobot out;
-  out.notes = std::move(urdf.notes);
-  out.reports.resize(urdf.links.size()), out.kept.resize(urdf.links.size());
-  out.meshes.resize(urdf.links.size());
+  out.notes = std::move(robot.notes);
+  out.reports.resize(robot.links.size()), out.kept.resize(robot.links.size());
+  out.meshes.resize(robot.links.size());
   std::vector<Task> tasks;
   std::uint64_t kept = 0;
   const auto store = [&](std::size_t k, Cluster cluster) {
-    Cluster& at = urdf.model.bodies[k].cluster;
+    Cluster& at = robot.model.bodies[k].cluster;
     cluster.family = at.family, cluster.mask = at.mask;
     at = std::move(cluster);
   };
-  for (std::size_t k = 0; k < urdf.links.size(); k++) {
-    const UrdfLink& link = urdf.links[k];
+  for (std::size_t k = 0; k < robot.links.size(); k++) {
+    const RobotLink& link = robot.links[k];
     if (link.shapes.empty()) continue;
     if (only_spheres(link)) {
       store(k, spheres_of(link, path));
-      out.kept[k] = 1, kept += urdf.model.bodies[k].cluster.size();
+      out.kept[k] = 1, kept += robot.model.bodies[k].cluster.size();
       continue;
     }
     try {
-      tasks.push_back({k, read_link(link, path, options)});
+      tasks.push_back({k, read_link(link, path, options), several_solids(link)});
     } catch (const Error& e) {
       throw Error(path.string() + ", link " + link.name + ": " + e.what());
     }
@@ -300,7 +311,7 @@ PaddedRobot pad_robot(const fs::path& path, Urdf urdf, const PadOptions& asked, 
     out.notes.push_back(
         "all shapes are spheres already, which are kept as they are and not measured: to pad the "
         "visual meshes, ask for these (--visual)");
-  const Links links(path, urdf, std::move(tasks), progress);
+  const Links links(path, robot, std::move(tasks), progress);
   if (whole.max_spheres > 0 && !links.tasks().empty()) {
     out.tolerance = links.tolerance_for(whole.max_spheres - std::min(whole.max_spheres, kept), options);
     options.tolerance = Length::of(out.tolerance), options.force = true;
@@ -310,9 +321,10 @@ PaddedRobot pad_robot(const fs::path& path, Urdf urdf, const PadOptions& asked, 
     store(links.tasks()[t].link, std::move(padded[t].cluster));
     out.reports[links.tasks()[t].link] = std::move(padded[t].report);
   }
-  for (std::size_t k = 0; k < urdf.links.size(); k++) urdf.model.bodies[k].cluster.name = urdf.links[k].name;
-  for (Apart& pair : self_collisions(urdf.model, {.poses = whole.poses})) urdf.model.apart.push_back(pair);
-  out.model = std::move(urdf.model);
+  for (std::size_t k = 0; k < robot.links.size(); k++)
+    robot.model.bodies[k].cluster.name = robot.links[k].name;
+  for (Apart& pair : self_collisions(robot.model, {.poses = whole.poses})) robot.model.apart.push_back(pair);
+  out.model = std::move(robot.model);
   return out;
 }
 

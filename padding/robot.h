@@ -3,8 +3,8 @@
 #pragma once
 #include <filesystem>
 
-#include "padding/input/urdf.h"
 #include "padding/pad.h"
+#include "padding/robots/robot_tree.h"
 
 namespace padder {
 
@@ -20,7 +20,7 @@ struct PaddedRobot {
 
 // What a user asks of a robot as a whole.
 struct RobotOptions {
-  UrdfOptions reading;
+  RobotReadOptions reading;
   // Of all links together: the smallest tolerance, the same length for all, that so many spheres can keep. 0:
   // no limit. Only without a tolerance, a count or a depth ratio for each link.
   std::uint64_t max_spheres = 0;
@@ -32,16 +32,18 @@ struct RobotOptions {
 // are scaled, and turned over where the scale mirrors them. glTF is turned from Y up to Z up. Round shapes
 // become polyhedra inside them, whose chord error is about a twentieth of the gap that `options` allow, or a
 // 2000th of the link's diagonal where they say nothing of it. Throws Error as read_mesh.
-ReadResult read_link(const UrdfLink& link, const std::filesystem::path& urdf, const PadOptions& options = {});
+ReadResult read_link(const RobotLink& link, const std::filesystem::path& file,
+                     const PadOptions& options = {});
 
-// The shapes of a link are one body: repair unites meshes, boxes and cylinders that overlap. A link that has
+// The shapes of a link are one body: repair unites meshes, boxes and cylinders that overlap. A shape inside
+// another one bounds a cavity only if one of the link's shapes is a mesh. A link that has
 // only spheres keeps them unmeasured, and several spheres get no mass properties. `options` holds for each
 // link by itself: a Length::share() is of the link's own diagonal. Its family and mask are not used. Bounds
 // are against the shapes themselves, and not only against the polyhedra that stand for round ones. Links are
 // padded side by side on all threads, with the same result for any number of threads. model.apart lists
 // neighbours, and what self_collisions() finds. A step of `progress` is a link. Throws Error, which names
 // link and file.
-PaddedRobot pad_robot(const std::filesystem::path& file, Urdf robot, const PadOptions& options,
+PaddedRobot pad_robot(const std::filesystem::path& file, RobotTree robot, const PadOptions& options,
                       const RobotOptions& whole = {}, const PadProgress& progress = {});
 PaddedRobot pad_robot(const std::filesystem::path& file, const PadOptions& options,
                       const RobotOptions& whole = {}, const PadProgress& progress = {});  // reads it first

@@ -86,15 +86,15 @@ ShapeMesh ellipsoid(const Vector& half_axes, double wanted) {
 
 }  // namespace
 
-ShapeMesh shape_mesh(const UrdfShape& shape, double wanted) {
+ShapeMesh shape_mesh(const RobotShape& shape, double wanted) {
   const Vector& size = shape.size;
   switch (shape.type) {
-    case UrdfShape::Type::cylinder:
+    case RobotShape::Type::cylinder:
       return cylinder(size.x(), size.z(), wanted);
-    case UrdfShape::Type::capsule:
+    case RobotShape::Type::capsule:
       return capsule(size.x(), size.z(), wanted);
-    case UrdfShape::Type::sphere:
-    case UrdfShape::Type::ellipsoid:
+    case RobotShape::Type::sphere:
+    case RobotShape::Type::ellipsoid:
       return ellipsoid(size, wanted);
     default:
       return {box(size), 0};

@@ -2,7 +2,7 @@
 // Triangle meshes of the shapes that a robot's file describes by their sizes.
 #pragma once
 #include "padding/asset/mesh.h"
-#include "padding/input/urdf.h"
+#include "padding/robots/robot_tree.h"
 
 namespace padder {
 
@@ -15,6 +15,6 @@ struct ShapeMesh {
 // In the frame of the shape, which is no mesh. A round shape has its corners on its surface, so many that the
 // chord error is at most `wanted`, but at least 64 around, so that the volume is off by at most 0.5 %, and at
 // most 512.
-ShapeMesh shape_mesh(const UrdfShape& shape, double wanted);
+ShapeMesh shape_mesh(const RobotShape& shape, double wanted);
 
 }  // namespace padder

@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "padding/input/read.h"
 #include "padding/pad_options.h"
 
 namespace padder::cli {
@@ -57,10 +58,8 @@ inline CLI::Validator whole() { return accepting(is_whole, "whole number in deci
 // For programs that take spheres: people give them the mesh.
 inline CLI::Validator no_mesh() {
   return {[](const std::string& text) {
-            for (const char* ending : {".obj", ".stl", ".ply", ".off", ".gltf", ".glb", ".dae", ".3mf"})
-              if (text.ends_with(ending))
-                return '"' + text + "\" is a mesh: make spheres of it first, with pad " + text;
-            return std::string();
+            if (!has_mesh_ending(text)) return std::string();
+            return '"' + text + "\" is a mesh: make spheres of it first, with pad " + text;
           },
           ""};
 }

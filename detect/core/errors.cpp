@@ -118,6 +118,10 @@ std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world,
 
 MemoryError::MemoryError(std::uint64_t bytes, const char* what, const char* where)
     : Error(std::to_string(bytes) + " bytes of " + where + " memory are needed for " + what +
-            ", but are not available: divide the scene into boxes or ask for a narrower record") {}
+            ", but are not available: " +
+            // Of the nine stages: an entry for each bin that a sphere touches.
+            (std::string_view(what).ends_with("array B")
+                 ? "choose larger bins (--bin-size) or the fast path"
+                 : "divide the scene into boxes or ask for a narrower record")) {}
 
 }  // namespace padder::detect

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Text of messages: what comes from a file or a user made safe to show, and numbers.
+// Text of messages and files: what comes from a file or a user made safe to show, and numbers.
 #pragma once
 #include <string>
 #include <string_view>
@@ -10,6 +10,9 @@ namespace padder {
 // as in C. So a message stays one line of plain text, whatever the file holds. The cost depends on what is
 // shown only.
 std::string excerpt(std::string_view text, std::size_t most = 60);
+
+// Text for XML and HTML: &, <, > and " escaped.
+std::string xml_text(std::string_view text);
 
 // The number to so many significant digits at most, as printf's %g writes it.
 std::string short_number(double value, int digits);

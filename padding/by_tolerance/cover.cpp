@@ -13,10 +13,6 @@
 namespace padder {
 namespace {
 
-// The share of a tolerance, or a radius limit, that is kept back, so that scaling to another unit does not
-// break the proof, or the limit.
-constexpr double kKeptBack = 1e-9;
-
 // What one stage of the search does. Each effort above 0 adds a stage, which begins with the cover of the one
 // before, so that a higher effort never gives more balls.
 struct Stage {

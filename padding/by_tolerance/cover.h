@@ -8,6 +8,10 @@
 
 namespace padder {
 
+// The share of a tolerance, or of a radius limit, that is kept back. Scaling to another unit costs the last
+// digits, which must not break the proof, or the limit.
+constexpr double kKeptBack = 1e-9;
+
 // Lengths are in the surface's unit. The search is made for surfaces of about unit size near the origin.
 struct CoverOptions {
   double protrusion = 0;  // no ball may stand out of the body by more

@@ -93,7 +93,7 @@ Cluster cover_mesh(const Mesh& mesh, const Length& tolerance, const CoverMeshOpt
     cluster.radii.push_back(ball.radius * frame.scale());
   }
   cluster.triangle.assign(culled.triangle.begin(), culled.triangle.end());
-  const double rounding = 1e-9 * (protrusion + gap);  // scaling to another unit costs the last digits
+  const double rounding = kKeptBack * (protrusion + gap);
   const bool kept = measured.accuracy.protrusion_max <= protrusion + rounding &&
                     measured.accuracy.gap_max <= gap + rounding && (!each_error || gap > 0 || culled.filled);
   cluster.accuracy = frame.back(measured.accuracy);

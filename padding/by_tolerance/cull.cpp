@@ -86,9 +86,9 @@ class CullSearch {
     culled.protrusion = protrusion, culled.gap = std::max(gap, 0.0);
     culled.open = cover_.open, culled.proved = cover_.proved;
     if (!(depth > 0) || !room || cover_.open.why != WhyOpen::nothing) return culled;
-    FillOptions filling{.depth = depth * (1 - 1e-6), .protrusion = protrusion * (1 - 1e-9)};
-    filling.min_radius = options_.min_radius * (1 + 1e-9);
-    filling.max_radius = options_.max_radius * (1 - 1e-9);
+    FillOptions filling{.depth = depth * (1 - 1e-6), .protrusion = protrusion * (1 - kKeptBack)};
+    filling.min_radius = options_.min_radius * (1 + kKeptBack);
+    filling.max_radius = options_.max_radius * (1 - kKeptBack);
     filling.moved = moved;
     const Filled filled = fill_body(surface_, BallSet(cover_.balls), filling);
     culled.balls.insert(culled.balls.end(), filled.balls.begin(), filled.balls.end());
@@ -120,7 +120,16 @@ class CullSearch {
     return std::sqrt(r * r + disc2) - r;
   }
 
-  bool too_many() const { return options_.max_spheres > 0 && cover_.balls.size() > options_.max_spheres; }
+  // As cover(), but goes back to the cover before where the new one has too many balls. Returns whether it
+  // kept the new one.
+  bool cover_with_few(double tolerance_sum) {
+    const Cover last = cover_;
+    const double last_sum = tolerance_sum_;
+    cover(tolerance_sum);
+    if (options_.max_spheres == 0 || cover_.balls.size() <= options_.max_spheres) return true;
+    cover_ = last, tolerance_sum_ = last_sum;
+    return false;
+  }
 
   // A small tolerance sum, but at least `least`, for which at most `count` balls suffice. The search goes
   // down a ladder of sums until there are too many balls, then halves the last stride. At last it tries some
@@ -171,13 +180,7 @@ class CullSearch {
   double smoother(double tolerance_sum, Culled& culled) {
     const double least = std::max(0.05 * tolerance_sum, 2 * kSmallestError * diagonal_);
     for (int step = 0; step < 6; step++) {
-      const Cover last = cover_;
-      const double last_sum = tolerance_sum_;
-      cover(tolerance_sum);
-      if (too_many()) {
-        cover_ = last, tolerance_sum_ = last_sum;
-        return last_sum;
-      }
+      if (!cover_with_few(tolerance_sum)) return tolerance_sum_;
       culled.normal_error = union_shape(surface_, dilated(0.5 * tolerance_sum)).normal_error;
       if (culled.normal_error <= options_.smooth || tolerance_sum <= least) break;
       // On a flat, the normal error grows with the root of the tolerance sum.
@@ -202,11 +205,8 @@ class CullSearch {
       return union_shape(surface_, dilated(dilation)).volume / body;
     };
     for (int step = 0; step < 6; step++) {
-      const Cover last = cover_;
-      const double last_sum = tolerance_sum_;
-      cover(tolerance_sum);
-      if (too_many()) {
-        cover_ = last, tolerance_sum = tolerance_sum_ = last_sum;
+      if (!cover_with_few(tolerance_sum)) {
+        tolerance_sum = tolerance_sum_;
         bound_ = tolerance_sum, culled.within = !(options_.tolerance > 0), step = 5;
       }
       const auto [least, most] = allowed(tolerance_sum);

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "padding/by_tolerance/cover.h"
 #include "padding/by_tolerance/search/block_search.h"
 #include "padding/by_tolerance/search/cover_problem.h"
 #include "padding/verify/certify.h"
@@ -15,13 +16,12 @@ namespace {
 // Share of a point's own margin: there are no new balls to mend what the points miss.
 constexpr double kThinningMargin = 0.5;
 constexpr std::array<double, 3> kExchanges = {100, 200, 400};  // for each ball; of efforts 1 to 3
-constexpr double kGapKeptBack = 1e-9;                          // share of the gap that is kept back for it
 
 }  // namespace
 
 std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<Ball>& balls, double gap,
                                       int effort) {
-  const double bound = gap * (1 - kGapKeptBack);
+  const double bound = gap * (1 - kKeptBack);
   const double steps = effort > 0 ? kExchanges[static_cast<std::size_t>(std::min(effort, 3) - 1)] : 0;
   std::vector<Candidate> candidates(balls.size());
 #pragma omp parallel for schedule(dynamic, 64)
@@ -57,7 +57,7 @@ std::vector<std::uint32_t> thin_balls(const Surface& surface, const std::vector<
     // point that fails. Such a spot is skipped.
     std::vector<CoverPoint> points;
     for (const GapPart& part : gap_failures(surface.mesh(), BallSet(kept), bound, 0.1 * gap))
-      if (part.value > bound && all.gap(part.point).value <= bound * (1 - kGapKeptBack))
+      if (part.value > bound && all.gap(part.point).value <= bound * (1 - kKeptBack))
         points.push_back({part.point, 0});
     if (points.empty()) return chosen;
     problem.add(points, {});

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "padding/asset/excerpt.h"
 #include "padding/export/export.h"
 #include "padding/export/families.h"
 
@@ -48,7 +49,6 @@ std::vector<Point> centers_in_mass_frame(const Cluster& cluster);
 // Shortest text that reads back as the same double; whole numbers without a point.
 std::string number(double value);
 std::string numbers(const Vector& v, const char* between = " ");
-std::string xml_text(const std::string& text);    // &, <, >, " escaped
 std::string quoted(const std::string& text);      // a double-quoted YAML, USD or C++ string
 std::string one_line(std::string text);           // line ends become blanks: for comments
 std::string identifier(const std::string& name);  // letters, digits, _: for USD prims and C++

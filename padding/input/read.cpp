@@ -150,19 +150,13 @@ ReadResult reading::mesh_from_child(const std::function<ReadResult()>& read, std
   return result;
 }
 
-const std::vector<std::string>& mesh_endings() {
-  static const std::vector<std::string> endings = {".obj", ".stl", ".ply", ".off", ".gltf",
-                                                   ".glb", ".fbx", ".dae", ".3ds", ".3mf"};
-  return endings;
-}
-
 ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& options) {
   const std::string where = path.string();
   if (!(options.scale > 0 && std::isfinite(options.scale)))
     throw Error("the scale must be a positive number");
   metres(options.unit);  // throws if it is unknown
   const std::string ending = reading::lower_case(path.extension().string());
-  if (std::ranges::find(mesh_endings(), ending) == mesh_endings().end()) {
+  if (!has_mesh_ending(path)) {
     if (std::error_code code; !std::filesystem::exists(path, code)) read_file(path);  // says so
     if (ending == ".sdf" || ending == ".world" || ending.starts_with(".usd"))
       fail(where, "robots and scenes are read from .urdf, .xacro and MJCF (.xml), not from " + ending +

@@ -2,6 +2,9 @@
 // Reads mesh files into a triangle soup: OBJ, STL, PLY, OFF, glTF and GLB, FBX, COLLADA, 3DS, 3MF. Only
 // geometry is read: no material, texture, bone, animation, camera or light.
 #pragma once
+#include <strings.h>
+
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -64,6 +67,17 @@ struct ReadResult {
 ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& options = {});
 
 // All endings that read_mesh knows, in lower case with their dots: ".obj", ".stl" …
-const std::vector<std::string>& mesh_endings();
+inline const std::vector<std::string>& mesh_endings() {
+  static const std::vector<std::string> endings = {".obj", ".stl", ".ply", ".off", ".gltf",
+                                                   ".glb", ".fbx", ".dae", ".3ds", ".3mf"};
+  return endings;
+}
+
+// Does its ending say that it is a mesh? So do endings in upper case.
+inline bool has_mesh_ending(const std::filesystem::path& file) {
+  return std::ranges::any_of(mesh_endings(), [ending = file.extension().string()](const std::string& known) {
+    return strcasecmp(known.c_str(), ending.c_str()) == 0;
+  });
+}
 
 }  // namespace padder

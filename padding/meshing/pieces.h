@@ -80,7 +80,7 @@ std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& t
 template <class Visit>
 void for_edges(const std::vector<Side>& sides, Visit&& visit) {
   for (std::size_t k = 0, end; k < sides.size(); k = end) {
-    for (end = k; end < sides.size() && sides[end].edge == sides[k].edge;) end++;
+    for (end = k + 1; end < sides.size() && sides[end].edge == sides[k].edge;) end++;
     visit(k, end);
   }
 }

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/view/picture.h"
 
@@ -216,19 +217,6 @@ void write_data(const View& view, const PageOptions& options, const Write& write
   }
 }
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '<')
-      out += "&lt;";
-    else if (c == '&')
-      out += "&amp;";
-    else
-      out += c;
-  }
-  return out;
-}
-
 void page(const View& view, const PageOptions& options, const Write& write) {
   if (view.size() == 0 && !view.has_mesh())
     throw Error(view.title + " holds no sphere, so there is nothing to show");
@@ -247,7 +235,7 @@ void page(const View& view, const PageOptions& options, const Write& write) {
     throw Error(script.string() + " is not the template of a page: build the target page again");
   const std::size_t behind = title + marks[0].size();
   write(std::string_view(html).substr(0, title));
-  write(escaped(view.title));
+  write(xml_text(view.title));
   write(std::string_view(html).substr(behind, data - behind));
   write_data(view, options, write);
   write(std::string_view(html).substr(data + marks[1].size()));

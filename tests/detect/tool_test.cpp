@@ -204,7 +204,10 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
     EXPECT_EQ(r.err, "detect: " + sentence + "\n");
   }
   EXPECT_EQ(run("dense.json --stages --path nine-stages --precision sloppy").code, 2);
-  write_file(folder_ / "part.stl", "solid part");
+  for (const char* mesh : {"part.3DS", "part.fbx", "part.STL", "part.stl"}) {
+    write_file(folder_ / mesh, "solid part");
+    EXPECT_NE(run(mesh).err.find("is a mesh: make spheres of it first"), std::string::npos) << mesh;
+  }
   EXPECT_EQ(run("part.stl").err,
             "detect: SCENE: \"part.stl\" is a mesh: make spheres of it first, with pad part.stl (see detect "
             "--help)\n");

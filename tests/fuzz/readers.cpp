@@ -15,8 +15,8 @@
 #include "padding/import/readers.h"
 #include "padding/input/read.h"
 #include "padding/input/read_internal.h"
-#include "padding/input/urdf.h"
-#include "padding/mjcf/mjcf.h"
+#include "padding/robots/mjcf.h"
+#include "padding/robots/urdf.h"
 #include "tests/fuzz/targets.h"
 #include "tests/temporary_folder.h"
 
@@ -93,10 +93,10 @@ void read_by_assimp(std::string_view bytes) {
 }
 
 // Robots, and the spheres that such a file may hold instead.
-template <Urdf (*Read)(const std::filesystem::path&, const UrdfOptions&), const char* Name>
+template <RobotTree (*Read)(const std::filesystem::path&, const RobotReadOptions&), const char* Name>
 void read_robot_file(std::string_view bytes) {
   expect_answer([&] {
-    Urdf robot = Read(put(bytes, Name), {});
+    RobotTree robot = Read(put(bytes, Name), {});
     if (robot.links.size() != robot.model.bodies.size()) wrong("links and bodies differ in number");
     keep_neighbours_apart(robot);
   });

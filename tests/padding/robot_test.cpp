@@ -28,7 +28,7 @@ class RobotTest : public ExportTest {
     return folder_ / file;
   }
   Model read_and_keep_apart(const std::string& inside) {
-    Urdf u = read_urdf(urdf(inside));
+    RobotTree u = read_urdf(urdf(inside));
     keep_neighbours_apart(u);
     return u.model;
   }
@@ -51,7 +51,7 @@ std::string joint(
 }
 
 TEST_F(RobotTest, ReadsTheTreeParentsFirst) {
-  const Urdf u = read_urdf(
+  const RobotTree u = read_urdf(
       urdf(joint("b", "c") + joint("a", "b", "fixed", "<origin xyz='1 2 3' rpy='0 0 1.5707963267948966'/>") +
            link("c") + link("b", "") + link("a")));
   ASSERT_EQ(u.links.size(), 3u);
@@ -82,10 +82,10 @@ TEST_F(RobotTest, RefusesWhatIsNoRobot) {
 
 TEST_F(RobotTest, NeighboursAreRigidGroupsAndTheNextAboveWithShapes) {
   // base - frame (no shape) - arm; arm = tool (fixed); tool - finger1, finger2; base - leg
-  Urdf u = read_urdf(urdf(link("base") + link("frame", "") + link("arm") + link("tool") + link("finger1") +
-                          link("finger2") + link("leg") + joint("base", "frame") + joint("frame", "arm") +
-                          joint("arm", "tool", "fixed") + joint("tool", "finger1") +
-                          joint("tool", "finger2") + joint("base", "leg")));
+  RobotTree u = read_urdf(urdf(link("base") + link("frame", "") + link("arm") + link("tool") +
+                               link("finger1") + link("finger2") + link("leg") + joint("base", "frame") +
+                               joint("frame", "arm") + joint("arm", "tool", "fixed") +
+                               joint("tool", "finger1") + joint("tool", "finger2") + joint("base", "leg")));
   std::set<std::string> names;
   for (const auto& [i, j] : neighbours(u)) names.insert(u.links[i].name + " " + u.links[j].name);
   EXPECT_EQ(names, (std::set<std::string>{"base arm", "base tool", "base leg", "arm tool", "arm finger1",
@@ -198,7 +198,7 @@ TEST_F(RobotTest, PackagesAreFoundByTheirNames) {
     mesh(folder);
     write_file(folder_ / folder / "package.xml", "<package format='3'><name>" + name + "</name></package>");
   };
-  const auto found = [&](const std::string& name, UrdfOptions options = {}) {
+  const auto found = [&](const std::string& name, RobotReadOptions options = {}) {
     const std::string shape = "<collision><geometry><mesh filename='package://" + name +
                               "/meshes/tet.obj'/></geometry></collision>";
     return fs::relative(
@@ -246,6 +246,20 @@ TEST_F(RobotTest, ANumberOfSpheresForTheWholeRobot) {
   for (std::size_t k = 0; k < 3; k++)
     EXPECT_EQ(to_json(again.model.bodies[k].cluster), to_json(r.model.bodies[k].cluster));
   EXPECT_THROW(pad_robot(file, {}, {.reading = {}, .max_spheres = 2, .poses = 0}), Error);
+}
+
+TEST_F(RobotTest, ASphereInsideABoxIsNoCavityOfIt) {
+  const std::string ball =
+      "<collision><origin xyz='0 0.05 0.1'/><geometry><sphere radius='0.08'/></geometry></collision>";
+  PadOptions options{.effort = 0};
+  options.tolerance = Length::share(0.05);
+  const PaddedRobot r =
+      pad_robot(urdf(link("a") + link("b", kBox + ball) + joint("a", "b")), options, {.poses = 0});
+  const Cluster &box = r.model.bodies[0].cluster, &both = r.model.bodies[1].cluster;
+  EXPECT_NEAR(both.mass.volume, 0.2 * 0.4 * 0.6, 1e-12);
+  EXPECT_NEAR(both.volume_union, box.volume_union, 1e-9);
+  EXPECT_EQ(r.reports[1].steps.cavities, 0u);
+  EXPECT_TRUE(both.accuracy.certified);
 }
 
 // What a link has does not depend on whether another one has it, too.
@@ -322,7 +336,7 @@ TEST_F(RobotTest, AUrdfInAnotherEncodingIsWrittenBack) {
 
 TEST_F(RobotTest, MimicEffortDampingAndFriction) {
   const std::string ab = link("a") + link("b") + link("c") + joint("a", "b");
-  const Urdf u =
+  const RobotTree u =
       read_urdf(urdf(ab + joint("a", "c", "prismatic",
                                 "<limit lower='-1' upper='2' effort='20' velocity='1'/><dynamics damping='3' "
                                 "friction='0.5'/><mimic joint='a_b' multiplier='-1' offset='0.1'/>")));
@@ -351,7 +365,7 @@ TEST_F(RobotTest, WhatIsWrongIsNamed) {
          "a number is wanted as its radius");
   faulty(link("a", "<collision><geometry><sphere radius='x'/></geometry></collision>"),
          "radius wants a number, not \"x\"");
-  const Urdf u = read_urdf(
+  const RobotTree u = read_urdf(
       urdf(link("a", "<inertial><mass value='1'/><inertia ixx='1' iyy='2' izz='3'/></inertial>" +
                          std::string("<collision><geometry><sphere radius='1'/></geometry></collision>")) +
            link("b", "<visual><geometry><sphere radius='1'/></geometry></visual>") + joint("a", "b")));
@@ -432,7 +446,7 @@ TEST_F(RobotTest, ColladaOfTheUr5StandsLikeItsStl) {
     return "<collision><geometry><mesh filename='" + file + "'/></geometry></collision>";
   };
   const fs::path file = urdf(link("a", mesh("a.stl")) + link("b", mesh("b.dae")) + joint("a", "b"), "r.urdf");
-  const Urdf robot = read_urdf(file);
+  const RobotTree robot = read_urdf(file);
   const Box a = read_link(robot.links[0], file).mesh.bounds(),
             b = read_link(robot.links[1], file).mesh.bounds();
   EXPECT_LT((a.low - b.low).norm(), 0.002);

@@ -175,11 +175,7 @@ TEST_F(BenchDraw, WhatIsDamagedEndsWithOneSentenceAndNoPicture) {
   write("good.json", whole);
   for (const auto& [bytes, sentence] : cases) {
     write("bad.json", bytes);
-    const Outcome r = bench("draw good.json bad.json -o plots");
-    EXPECT_EQ(r.code, 1) << sentence;
-    EXPECT_EQ(r.err.find("bench: " + sentence), 0u) << r.err;
-    EXPECT_EQ(r.err.find('\n'), r.err.size() - 1) << "one sentence: " << r.err;
-    EXPECT_EQ(r.out, "");
+    expect_refused("draw good.json bad.json -o plots", sentence);
   }
   EXPECT_EQ(files(), (std::set<std::string>{"good.json", "bad.json"}));
   EXPECT_EQ(bench("draw absent.json").err,

@@ -19,6 +19,14 @@ class BenchProgram : public ProgramTest {
         names.insert(std::filesystem::relative(entry.path(), folder_).string());
     return names;
   }
+  // Fails with one sentence that begins like this, and prints nothing else.
+  void expect_refused(const std::string& arguments, const std::string& sentence) const {
+    const Outcome r = bench(arguments);
+    EXPECT_EQ(r.code, 1) << sentence;
+    EXPECT_EQ(r.err.find("bench: " + sentence), 0u) << r.err;
+    EXPECT_EQ(r.err.find('\n'), r.err.size() - 1) << "one sentence: " << r.err;
+    EXPECT_EQ(r.out, "");
+  }
   std::string read(const std::string& name) const { return read_file(folder_ / name); }
   void write(const std::string& name, const std::string& bytes) const { write_file(folder_ / name, bytes); }
   static std::string source_folder() { return std::filesystem::path(PADDER_ASSETS).parent_path().string(); }

@@ -49,12 +49,8 @@ std::optional<std::vector<Length>> lengths_of(std::string_view text) {
 }
 
 CLI::Validator mesh_ending() {
-  return accepting(
-      [](auto& text) {
-        const auto& known = mesh_endings();
-        return std::find(known.begin(), known.end(), "." + text) != known.end();
-      },
-      "format of a mesh: write one of the endings that MESH takes, as stl");
+  return accepting([](auto& text) { return std::ranges::count(mesh_endings(), "." + text) > 0; },
+                   "format of a mesh: write one of the endings that MESH takes, as stl");
 }
 
 // An option that takes a length.

@@ -7,7 +7,7 @@
 #include "padding/import/import.h"
 #include "padding/input/read_internal.h"
 #include "padding/meshing/write_mesh.h"
-#include "padding/mjcf/mjcf.h"
+#include "padding/robots/mjcf.h"
 #include "padding/view/page.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
@@ -104,23 +104,23 @@ fs::path pairs_file(const std::string& input, const OutputFile& output) {
   return fs::path(output.path).replace_extension(".srdf");
 }
 
-std::shared_future<Urdf> robot_of(const std::string& file, const PadArguments& a) {
+std::shared_future<RobotTree> robot_of(const std::string& file, const PadArguments& a) {
   return std::async(std::launch::deferred,
                     [file, reading = a.robot.reading] { return read_robot(file, reading); });
 }
 
-std::vector<fs::path> further_inputs(const std::string& file, const std::shared_future<Urdf>& robot) {
+std::vector<fs::path> further_inputs(const std::string& file, const std::shared_future<RobotTree>& robot) {
   if (file.ends_with(".gltf")) return reading::files_beside_gltf(file);
   std::vector<fs::path> files;
   if (!is_robot(file)) return files;
   files = robot.get().included;
-  for (const UrdfLink& link : robot.get().links)
-    for (const UrdfShape& shape : link.shapes)
-      if (shape.type == UrdfShape::Type::mesh) files.push_back(shape.file);
+  for (const RobotLink& link : robot.get().links)
+    for (const RobotShape& shape : link.shapes)
+      if (shape.type == RobotShape::Type::mesh) files.push_back(shape.file);
   return files;
 }
 
-void note_inputs(const std::string& file, const std::shared_future<Urdf>& robot, cli::RunFiles& files) {
+void note_inputs(const std::string& file, const std::shared_future<RobotTree>& robot, cli::RunFiles& files) {
   files.reads(file);
   try {
     for (const fs::path& further : further_inputs(file, robot)) files.reads(further);
@@ -145,7 +145,7 @@ void note_outputs(const PadArguments& a, const std::string& file, const PadTarge
   if (!target.preview.empty()) write(target.preview, "--preview ");
   if (!target.in_folder || !is_robot(file)) return;
   try {
-    for (const UrdfLink& link : target.robot.get().links)
+    for (const RobotLink& link : target.robot.get().links)
       if (!link.shapes.empty()) write(link_file(target.outputs[0].path.parent_path(), link.name), "");
   } catch (const Error&) {  // its reader says so
   }

@@ -39,16 +39,16 @@ std::filesystem::path pairs_file(const std::string& input, const OutputFile& out
 
 // The robot in `file`, if it is one. It is read when it is first asked for, and once: get() returns it, or
 // throws the Error of its reader, each time.
-std::shared_future<Urdf> robot_of(const std::string& file, const PadArguments& a);
+std::shared_future<RobotTree> robot_of(const std::string& file, const PadArguments& a);
 
 // The files that `file` refers to and that its shape depends on: buffers of a .gltf, meshes of a robot.
 // Throws Error where the file cannot be read.
 std::vector<std::filesystem::path> further_inputs(const std::string& file,
-                                                  const std::shared_future<Urdf>& robot);
+                                                  const std::shared_future<RobotTree>& robot);
 
 // Notes in `files` that the run reads `file` and what it refers to. A file that cannot be read is not
 // complained about here.
-void note_inputs(const std::string& file, const std::shared_future<Urdf>& robot, cli::RunFiles& files);
+void note_inputs(const std::string& file, const std::shared_future<RobotTree>& robot, cli::RunFiles& files);
 
 // Notes what the target of `file` writes. Throws cli::UsageError, with the remedy, where the run reads a file
 // of that name or writes it already.

@@ -100,12 +100,12 @@ std::filesystem::path link_file(const std::filesystem::path& folder, const std::
 Json run_robot(const PadArguments& a, const std::string& file, const PadTarget& target,
                const PadProgress& progress) {
   if (a.scale != 1 || (!a.unit.empty() && a.unit != "m"))
-    throw Error(file + ": a URDF is in metres: leave out --scale and --unit");
-  Urdf urdf = target.robot.get();
+    throw Error(file + ": the file of a robot is in metres: leave out --scale and --unit");
+  RobotTree read = target.robot.get();
   // What could not be done once the links are padded is refused before.
-  Places places = places_of(file, urdf.model, a.joints);
-  keep_neighbours_apart(urdf);
-  for (const OutputFile& output : target.outputs) check_filters(urdf.model, *output.format);
+  Places places = places_of(file, read.model, a.joints);
+  keep_neighbours_apart(read);
+  for (const OutputFile& output : target.outputs) check_filters(read.model, *output.format);
   const PaddedRobot robot = pad_robot(file, target.robot.get(), a.options, a.robot, progress);
   std::vector<std::string> warnings;
   for (const OutputFile& output : target.in_writing_order())

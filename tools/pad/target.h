@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "padding/export/export.h"
-#include "padding/input/urdf.h"
+#include "padding/robots/robot_tree.h"
 
 namespace padder {
 
@@ -23,7 +23,7 @@ struct PadTarget {
   std::vector<OutputFile> outputs;      // one at least
   bool in_folder = false;               // -o names a folder, not the file
   std::filesystem::path mesh, preview;  // where --write-mesh and --preview go; empty without these
-  std::shared_future<Urdf> robot;       // robot_of() the input
+  std::shared_future<RobotTree> robot;  // robot_of() the input
 
   // A URDF brings a .srdf of its pairs along, and one that is asked for by name, which has the spheres as
   // well, must not be lost to it: it comes last.

@@ -330,6 +330,12 @@ class Reader {
     const std::int64_t nx = places(low.x, high.x), ny = places(low.y, high.y),
                        nz = nx > 0 && ny > 0 ? places(low.z, high.z) : 0;
     if (!random_) random_.emplace(r_.has("seed") ? r_.at("seed").whole(~std::uint64_t(0) >> 1) : 1);
+    for (const Wall& w : out_.system.walls)
+      if (w.kind == Wall::Kind::cylinder && count > 0 && 1.02 * widest > w.radius)
+        g.fail("its largest grain, of radius " + short_number(widest, 6) +
+               ", does not fit into the cylinder of radius " + short_number(w.radius, 6) +
+               ": widen the cylinder to more than " + short_number(1.02 * widest, 6) +
+               ", or make the grain smaller");
     // A box far wider than its walls has places without end.
     std::uint64_t made = 0, empty = 0, most_empty = 10'000'000 + 1000 * count;
     for (std::int64_t z = 0; z < nz && made < count; z++)

@@ -6,6 +6,7 @@
 
 #include "detect/scene/generate.h"
 #include "tests/detect/oracle.h"
+#include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
@@ -138,6 +139,13 @@ TEST_P(StagesTest, BinsTooSmallAreRefused) {
   options_.bin_size = 1e-5;
   Detector d(device_, options_);
   EXPECT_THROW(d.stages(a.input), Error);
+}
+
+TEST_P(StagesTest, AnArrayBThatIsTooLargeAsksForLargerBins) {
+  const Arranged a(random_scene(100, 2, 0.5, 7), Scalar::f64);
+  options_.bin_size = 0.01, options_.memory_limit = 1u << 20;
+  Detector d(device_, options_);
+  EXPECT_TRUE(refuses([&] { d.detect(a.input); }, "array B, but are not available: choose larger bins"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Backends, StagesTest, testing::Values(BackendKind::omp, BackendKind::cuda),

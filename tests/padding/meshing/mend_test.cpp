@@ -318,6 +318,13 @@ Mesh lathe(const std::vector<std::array<double, 2>>& profile, int n) {  // radiu
   return mesh;
 }
 
+Mesh lower_half_of_a_ball() {
+  std::vector<std::array<double, 2>> profile;
+  for (int k = 0; k <= 12; k++)
+    profile.push_back({std::sin(k * std::numbers::pi / 24), -std::cos(k * std::numbers::pi / 24)});
+  return lathe(profile, 40);
+}
+
 TEST(Mend, ABottleIsASolidWithAHoleAndABowlIsASheet) {
   const Repaired bottle = mended(lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 40));
   EXPECT_EQ(bottle.kind, BodyKind::solid);
@@ -327,10 +334,7 @@ TEST(Mend, ABottleIsASolidWithAHoleAndABowlIsASheet) {
   EXPECT_LT((bottle.patches[0].place - Point(0, 0, 4.4)).norm(), 1e-9);
   EXPECT_GT(volume(bottle), 3 * std::numbers::pi * 0.98);
 
-  std::vector<std::array<double, 2>> half;
-  for (int k = 0; k <= 12; k++)
-    half.push_back({std::sin(k * std::numbers::pi / 24), -std::cos(k * std::numbers::pi / 24)});
-  const Mesh cup = lathe(half, 40);
+  const Mesh cup = lower_half_of_a_ball();
   const Repaired bowl = mended(cup);
   EXPECT_EQ(bowl.kind, BodyKind::sheet);
   EXPECT_EQ(bowl.patches.size(), 0u);
@@ -361,10 +365,7 @@ TEST(Mend, AHollowBallWithAHoleInItsOuterShellIsASolid) {
 }
 
 TEST(Mend, AHelmetOfTwoOutwardWallsWithoutARimIsAShell) {
-  std::vector<std::array<double, 2>> half;
-  for (int k = 0; k <= 12; k++)
-    half.push_back({std::sin(k * std::numbers::pi / 24), -std::cos(k * std::numbers::pi / 24)});
-  const Mesh outer = lathe(half, 40);
+  const Mesh outer = lower_half_of_a_ball();
   const double filled = volume(mended(outer, RepairMode::fill));
   for (const double thickness : {0.05, 0.1, 0.2, 1e-4}) {
     Mesh inner = outer;
@@ -380,10 +381,7 @@ TEST(Mend, AHelmetOfTwoOutwardWallsWithoutARimIsAShell) {
 }
 
 TEST(Mend, HalvesOfABallThatLieApartAreSolid) {
-  std::vector<std::array<double, 2>> half;
-  for (int k = 0; k <= 12; k++)
-    half.push_back({std::sin(k * std::numbers::pi / 24), -std::cos(k * std::numbers::pi / 24)});
-  const Mesh lower = lathe(half, 40);
+  const Mesh lower = lower_half_of_a_ball();
   const Mesh upper = moved(lower, Eigen::Vector3d(1, -1, -1).asDiagonal(), {0, 0, 0.1});
   const Repaired r = mended(joined(upper, lower));
   EXPECT_EQ(r.kind, BodyKind::solid);

@@ -40,8 +40,8 @@
 #include "padding/asset/file.h"
 #include "padding/import/import.h"
 #include "padding/meshing/repair.h"
-#include "padding/mjcf/mjcf.h"
 #include "padding/robot.h"
+#include "padding/robots/mjcf.h"
 #include "tests/padding/shapes.h"
 
 namespace padder {
@@ -172,14 +172,15 @@ struct Counts {
 
 class Audit {
  public:
-  Audit(const fs::path& robot, const fs::path& report, const fs::path& spheres, const UrdfOptions& options)
-      : urdf_(read_robot(robot, options)), parts_(urdf_.links.size()) {
-    for (const auto& [i, j] : neighbours(urdf_)) adjacent_.insert({i, j});
+  Audit(const fs::path& robot, const fs::path& report, const fs::path& spheres,
+        const RobotReadOptions& options)
+      : robot_(read_robot(robot, options)), parts_(robot_.links.size()) {
+    for (const auto& [i, j] : neighbours(robot_)) adjacent_.insert({i, j});
     std::map<std::string, Json> told;
     const Json json = Json::parse(read_file(report));
     for (const Json& link : json.at("links")) told[link.at("link")] = link;
     for (std::size_t k = 0; k < parts_.size(); k++) {
-      const UrdfLink& link = urdf_.links[k];
+      const RobotLink& link = robot_.links[k];
       if (link.shapes.empty()) continue;
       Part& part = parts_[k];
       const ReadResult file = read_link(link, robot);  // its round shapes are a little too small
@@ -204,7 +205,7 @@ class Audit {
   // The value of each joint between its limits; of one that follows another, what follows.
   std::vector<double> random_values(std::mt19937_64& random) const {
     std::vector<double> values;
-    for (const Body& b : urdf_.model.bodies) {
+    for (const Body& b : robot_.model.bodies) {
       double low = 0, high = 0;
       if (b.joint.type == Joint::Type::continuous) low = -std::numbers::pi, high = std::numbers::pi;
       if (b.joint.type == Joint::Type::revolute || b.joint.type == Joint::Type::prismatic)
@@ -227,7 +228,7 @@ class Audit {
     return counts;
   }
 
-  const Model& model() const { return urdf_.model; }
+  const Model& model() const { return robot_.model; }
   const std::vector<Part>& parts() const { return parts_; }
 
  private:
@@ -253,12 +254,12 @@ class Audit {
       return;
     }
     counts.faults++;
-    counts.example = urdf_.links[i].name + " and " + urdf_.links[j].name + ": only the " +
+    counts.example = robot_.links[i].name + " and " + robot_.links[j].name + ": only the " +
                      (spheres ? "spheres" : "meshes") + " touch, and the others are " +
                      std::to_string(*differs) + " m apart where " + std::to_string(allowed) + " is allowed";
   }
 
-  Urdf urdf_;
+  RobotTree robot_;
   std::vector<Part> parts_;
   std::set<std::pair<std::size_t, std::size_t>> adjacent_;
 };
@@ -324,7 +325,7 @@ std::vector<double> with_followers(const Model& model, std::vector<double> value
 }
 
 int run(const std::vector<std::string>& words) {
-  UrdfOptions options;
+  RobotReadOptions options;
   std::vector<std::string> a;
   for (std::size_t k = 0; k < words.size(); k++)
     if (words[k] == "--visual")

@@ -333,6 +333,9 @@ with tempfile.TemporaryDirectory() as folder:
     refused("is unstable for this stiffness", "slow.json")
     write("full.json", scene_of(grains=[{"count": 100, "radius": 0.01, "low": [0, 0, 0.1], "high": [0.05, 0.05, 0.13]}]))
     refused("grains find room", "full.json")
+    write("wide.json", scene_of(cylinder={"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 2},
+                                grains=[{"count": 1, "radius": 3, "low": [-9, -9, 0], "high": [9, 9, 9]}]))
+    refused("grains 0: its largest grain, of radius 3, does not fit into the cylinder of radius 2", "wide.json")
     write("typing.json", scene_of(gravitiy=[0, 0, -1]))
     refused("gravitiy", "typing.json")
     write("other.json", scene_of(gravity=[0, 0, -1]))

@@ -30,11 +30,6 @@ bool is_pattern(const std::string& text) {
   return text.find_first_of("*?[") != std::string::npos && !fs::exists(text, code);
 }
 
-bool is_mesh(const fs::path& file) {
-  const std::string ending = reading::lower_case(file.extension().string());
-  return std::ranges::find(mesh_endings(), ending) != mesh_endings().end();
-}
-
 // One list of parts in the making.
 class List {
  public:
@@ -75,7 +70,7 @@ class List {
       const bool hidden = it->path().filename().string().starts_with('.');
       if (it->is_directory() && (hidden || fs::weakly_canonical(it->path(), code) == written))
         it.disable_recursion_pending();
-      else if (!hidden && is_mesh(it->path()) && it->is_regular_file(code))
+      else if (!hidden && has_mesh_ending(it->path()) && it->is_regular_file(code))
         files.push_back(it->path());
     }
     std::sort(files.begin(), files.end());
@@ -97,7 +92,7 @@ class List {
     // The tree begins where the pattern does.
     const fs::path base = fs::path(pattern.substr(0, pattern.find_first_of("*?["))).parent_path();
     for (const std::string& file : files)
-      if (is_mesh(file))
+      if (has_mesh_ending(file))
         add(file, base.empty() ? file : fs::path(file).lexically_relative(base).string(), common_, file);
   }
 

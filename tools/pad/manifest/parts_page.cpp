@@ -134,8 +134,9 @@ for (const [name, c] of columns) {
   byId("head").append(th);
 }
 const count = s => parts.filter(p => p[3] === s).length;
-byId("sum").textContent = parts.length + " parts: " + count("done") + " done, " + count("failed") + " failed, " +
-  count("left") + " left; " + parts.reduce((n, p) => n + p[4], 0).toLocaleString("en") + " spheres";
+const counted = (n, one) => n.toLocaleString("en") + " " + one + (n === 1 ? "" : "s");
+byId("sum").textContent = counted(parts.length, "part") + ": " + count("done") + " done, " + count("failed") + " failed, " +
+  count("left") + " left; " + counted(parts.reduce((n, p) => n + p[4], 0), "sphere");
 byId("text").oninput = byId("state").onchange = () => { limit = page; draw(); };
 byId("more").onclick = () => { limit += page; draw(); };
 draw();

@@ -24,8 +24,9 @@ const bytes = (text) => {
 const packed = [@FRAMES@], frames = [], radii = new Float32Array(bytes("@RADII@")), movers = new Uint32Array(bytes("@MOVERS@"));
 const n = head.spheres, count = head.times.length, canvas = document.getElementById("view");
 document.title = head.title;
-document.getElementById("title").textContent = head.title + ": " + head.all + " spheres" +
-  (head.bodies ? ", " + head.bodies + " bodies" : "") + (n < head.all ? "; those that are hidden throughout are left out, " + n + " are here" : "");
+const counted = (n, one, many) => n + " " + (n === 1 ? one : many);
+document.getElementById("title").textContent = head.title + ": " + counted(head.all, "sphere", "spheres") +
+  (head.bodies ? ", " + counted(head.bodies, "body", "bodies") : "") + (n < head.all ? "; those that are hidden throughout are left out, " + n + " are here" : "");
 const gl = canvas.getContext("webgl2", {antialias: true, preserveDrawingBuffer: true});
 if (!gl || !window.DecompressionStream)
   document.getElementById("title").textContent = "This page needs WebGL 2 and a browser of 2023 or later: open it in another one.";

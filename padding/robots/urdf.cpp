@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "padding/input/urdf.h"
+#include "padding/robots/urdf.h"
 
 #include <algorithm>
 #include <charconv>
@@ -13,7 +13,6 @@
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
-#include "padding/export/families.h"
 #include "padding/import/xml.h"
 #include "padding/input/packages.h"
 
@@ -24,36 +23,36 @@ namespace fs = std::filesystem;
 
 class UrdfReader {
  public:
-  UrdfReader(const fs::path& path, const UrdfOptions& options) : path_(path), options_(options) {}
+  UrdfReader(const fs::path& path, const RobotReadOptions& options) : path_(path), options_(options) {}
 
-  Urdf read() {
-    Urdf urdf;
-    urdf.model.urdf = path_.extension() == ".xacro" ? expanded() : read_file(path_, kMostText);
-    urdf.model.file = path_.filename().string();
-    urdf.model.unit = "m";
+  RobotTree read() {
+    RobotTree robot;
+    robot.model.urdf = path_.extension() == ".xacro" ? expanded() : read_file(path_, kMostText);
+    robot.model.file = path_.filename().string();
+    robot.model.unit = "m";
     pugi::xml_document document;
-    importing::load_xml(document, urdf.model.urdf, path_.string());
-    const pugi::xml_node robot = document.child("robot");
-    if (!robot) fail("<robot> is not its root");
-    urdf.model.name = robot.attribute("name").as_string("robot");
+    importing::load_xml(document, robot.model.urdf, path_.string());
+    const pugi::xml_node root = document.child("robot");
+    if (!root) fail("<robot> is not its root");
+    robot.model.name = root.attribute("name").as_string("robot");
     bool collision = false;
-    for (const auto& link : robot.children("link"))
+    for (const auto& link : root.children("link"))
       if (link.child("collision")) collision = true;
     const bool visual = options_.visual || !collision;
-    for (const auto& link : robot.children("link")) add_link(link, visual ? "visual" : "collision", urdf);
+    for (const auto& link : root.children("link")) add_link(link, visual ? "visual" : "collision", robot);
     if (links_.empty()) fail("there is no <link> in it");
-    for (const auto& joint : robot.children("joint")) add_joint(joint);
+    for (const auto& joint : root.children("joint")) add_joint(joint);
     check_mimics();
-    if (!collision) urdf.notes.push_back("no link has collision geometry: the visual geometry was padded");
+    if (!collision) robot.notes.push_back("no link has collision geometry: the visual geometry was padded");
     if (!bare_.empty())
-      urdf.notes.push_back(std::string("links that have ") + (visual ? "collision" : "visual") +
-                           " geometry alone get no spheres: " + listed(bare_));
+      robot.notes.push_back(std::string("links that have ") + (visual ? "collision" : "visual") +
+                            " geometry alone get no spheres: " + listed(bare_));
     for (const Body& b : bodies_)
       if (b.joint.lower > b.joint.upper)
-        urdf.notes.push_back("joint " + excerpt(b.joint.name) +
-                             ": its lower limit is above its upper one, so it is taken to have no limits");
-    order(urdf);
-    return urdf;
+        robot.notes.push_back("joint " + excerpt(b.joint.name) +
+                              ": its lower limit is above its upper one, so it is taken to have no limits");
+    order(robot);
+    return robot;
   }
 
  private:
@@ -154,8 +153,8 @@ class UrdfReader {
                      : "looked for " + excerpt(places(reference)[0].string(), 500)));
   }
 
-  void add_link(const pugi::xml_node& node, const char* kind, Urdf& urdf) {
-    UrdfLink link;
+  void add_link(const pugi::xml_node& node, const char* kind, RobotTree& robot) {
+    RobotLink link;
     Body body;
     link.name = body.name = node.attribute("name").as_string();
     const std::string where = "link " + excerpt(link.name);
@@ -163,30 +162,30 @@ class UrdfReader {
     if (!index_.emplace(link.name, links_.size()).second) fail("two links are called " + excerpt(link.name));
     for (const auto& element : node.children(kind)) {
       const pugi::xml_node geometry = element.child("geometry");
-      UrdfShape shape;
+      RobotShape shape;
       shape.pose = place(element.child("origin"), where);
       if (const auto mesh = geometry.child("mesh")) {
         shape.file = found(mesh.attribute("filename").as_string(), where);
         shape.scale = three(mesh.attribute("scale"), Vector::Ones(), where);
         if ((shape.scale.array() == 0).any()) fail(where + ": a mesh has a scale of 0");
       } else if (const auto box = geometry.child("box")) {
-        shape.type = UrdfShape::Type::box;
+        shape.type = RobotShape::Type::box;
         shape.size = three(box.attribute("size"), Vector::Zero(), where);
         if (!(shape.size.minCoeff() > 0)) fail(where + ": a box has no positive size");
       } else if (const auto cylinder = geometry.child("cylinder")) {
-        shape.type = UrdfShape::Type::cylinder;
+        shape.type = RobotShape::Type::cylinder;
         const double r = positive(cylinder, "radius", where);
         shape.size = {r, r, positive(cylinder, "length", where)};
       } else if (const auto capsule = geometry.child("capsule")) {
-        shape.type = UrdfShape::Type::capsule;
+        shape.type = RobotShape::Type::capsule;
         const double r = positive(capsule, "radius", where);
         shape.size = {r, r, positive(capsule, "length", where)};
       } else if (const auto sphere = geometry.child("sphere")) {
         if (one(sphere, "radius", where) == 0) {  // a place where Drake looks for contacts
-          urdf.notes.push_back(link.name + ": a sphere of radius 0, which is a point, was left out");
+          robot.notes.push_back(link.name + ": a sphere of radius 0, which is a point, was left out");
           continue;
         }
-        shape.type = UrdfShape::Type::sphere;
+        shape.type = RobotShape::Type::sphere;
         shape.size = Vector::Constant(positive(sphere, "radius", where));
       } else {
         fail(where + ": its geometry is none of mesh, box, cylinder, capsule, sphere");
@@ -278,7 +277,7 @@ class UrdfReader {
   }
 
   // Puts parents before their children, and keeps the order of the file otherwise.
-  void order(Urdf& urdf) {
+  void order(RobotTree& robot) {
     std::vector<int> at(links_.size(), -1);
     for (std::size_t k = 0; k < links_.size(); k++) {
       std::vector<std::size_t> chain;  // from k up to the first link that is in the list
@@ -289,23 +288,23 @@ class UrdfReader {
         chain.push_back(static_cast<std::size_t>(up));
       }
       for (auto it = chain.rbegin(); it != chain.rend(); ++it) {
-        at[*it] = static_cast<int>(urdf.links.size());
+        at[*it] = static_cast<int>(robot.links.size());
         const int parent = parents_[*it];
         bodies_[*it].parent = parent < 0 ? -1 : at[static_cast<std::size_t>(parent)];
-        urdf.model.bodies.push_back(std::move(bodies_[*it]));
-        urdf.links.push_back(std::move(links_[*it]));
+        robot.model.bodies.push_back(std::move(bodies_[*it]));
+        robot.links.push_back(std::move(links_[*it]));
       }
     }
     std::vector<std::string> roots;
-    for (const Body& b : urdf.model.bodies)
+    for (const Body& b : robot.model.bodies)
       if (b.parent < 0) roots.push_back(b.name);
     if (roots.size() > 1)
       fail("a robot has one root, and here are " + std::to_string(roots.size()) + ": " + listed(roots));
   }
 
   fs::path path_;
-  const UrdfOptions& options_;
-  std::vector<UrdfLink> links_;
+  const RobotReadOptions& options_;
+  std::vector<RobotLink> links_;
   std::vector<Body> bodies_;
   std::vector<int> parents_;
   std::map<std::string, std::size_t, std::less<>> index_;
@@ -313,70 +312,10 @@ class UrdfReader {
   std::vector<std::string> bare_;  // links that have no shapes of the kind asked for, but of the other
 };
 
-// The rigid groups, parents first. Links that fixed joints connect are one group.
-struct Groups {
-  std::vector<std::size_t> of;  // for each link its group
-  std::vector<char> shapes;     // has the group any?
-  std::vector<int> above;       // for each group the nearest one above it that has shapes; -1: none
-
-  explicit Groups(const Urdf& urdf) {
-    std::vector<int> parent;  // for each group the one right above it
-    for (std::size_t k = 0; k < urdf.links.size(); k++) {
-      const Body& b = urdf.model.bodies[k];
-      if (b.parent >= 0 && b.joint.type == Joint::Type::fixed) {
-        of.push_back(of[static_cast<std::size_t>(b.parent)]);
-      } else {
-        of.push_back(parent.size());
-        parent.push_back(b.parent < 0 ? -1 : static_cast<int>(of[static_cast<std::size_t>(b.parent)]));
-        shapes.push_back(0);
-      }
-      if (!urdf.links[k].shapes.empty()) shapes[of[k]] = 1;
-    }
-    for (std::size_t g = 0; g < parent.size(); g++) {
-      int up = parent[g];
-      while (up >= 0 && !shapes[static_cast<std::size_t>(up)]) up = parent[static_cast<std::size_t>(up)];
-      above.push_back(up);
-    }
-  }
-};
-
 }  // namespace
 
-Urdf read_urdf(const fs::path& path, const UrdfOptions& options) { return UrdfReader(path, options).read(); }
-
-std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf) {
-  const Groups groups(urdf);
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t i = 0; i < urdf.links.size(); i++)
-    for (std::size_t j = i + 1; j < urdf.links.size(); j++) {
-      if (urdf.links[i].shapes.empty() || urdf.links[j].shapes.empty()) continue;
-      const std::size_t a = groups.of[i], b = groups.of[j];
-      if (a == b || groups.above[a] == static_cast<int>(b) || groups.above[b] == static_cast<int>(a))
-        pairs.emplace_back(i, j);
-    }
-  return pairs;
-}
-
-void keep_neighbours_apart(Urdf& urdf) {
-  for (const auto& [i, j] : neighbours(urdf)) urdf.model.apart.push_back({i, j});
-  const auto with_shapes = [](const UrdfLink& link) { return !link.shapes.empty(); };
-  if (std::ranges::count_if(urdf.links, with_shapes) < 2) return;  // nobody to be kept apart from
-  const Groups groups(urdf);
-  std::vector<std::size_t> number(groups.above.size());  // counts the groups with shapes
-  std::size_t count = 0;
-  for (std::size_t g = 0; g < number.size(); g++)
-    if (groups.shapes[g]) number[g] = count++;
-  std::vector<std::pair<std::size_t, std::size_t>> pairs;
-  for (std::size_t g = 0; g < number.size(); g++)
-    if (groups.shapes[g] && groups.above[g] >= 0)
-      pairs.emplace_back(number[static_cast<std::size_t>(groups.above[g])], number[g]);
-  const auto families = families_of(count, pairs);
-  if (!families) return;
-  for (std::size_t k = 0; k < urdf.links.size(); k++) {
-    if (urdf.links[k].shapes.empty()) continue;
-    const CollisionFilter& f = (*families)[number[groups.of[k]]];
-    urdf.model.bodies[k].cluster.family = f.family, urdf.model.bodies[k].cluster.mask = f.mask;
-  }
+RobotTree read_urdf(const fs::path& path, const RobotReadOptions& options) {
+  return UrdfReader(path, options).read();
 }
 
 }  // namespace padder

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // MJCF as input, against MuJoCo itself: every geom stands where MuJoCo puts it, for any place of the joints.
-#include "padding/mjcf/mjcf.h"
+#include "padding/robots/mjcf.h"
 
 #include <mujoco/mujoco.h>
 
@@ -33,7 +33,7 @@ class MjcfTest : public ExportTest {
     mjModel* m = mj_loadXML(file.c_str(), nullptr, error, sizeof error);
     ASSERT_NE(m, nullptr) << error;
     mjData* d = mj_makeData(m);
-    const Urdf robot = read_mjcf(file);
+    const RobotTree robot = read_mjcf(file);
     constexpr std::uint64_t seed = 7;
     std::mt19937_64 random(seed);
     std::size_t compared = 0;
@@ -64,7 +64,7 @@ class MjcfTest : public ExportTest {
   }
 
  private:
-  static std::size_t compare(const mjModel* m, const mjData* d, int body, const UrdfLink& link,
+  static std::size_t compare(const mjModel* m, const mjData* d, int body, const RobotLink& link,
                              const Eigen::Isometry3d& place) {
     std::vector<int> geoms;
     for (int k = 0; k < m->body_geomnum[body]; k++) {
@@ -77,7 +77,7 @@ class MjcfTest : public ExportTest {
       compare(m, d, geoms[k], link.shapes[k], place * link.shapes[k].pose);
     return geoms.size();
   }
-  static void compare(const mjModel* m, const mjData* d, int g, const UrdfShape& shape,
+  static void compare(const mjModel* m, const mjData* d, int g, const RobotShape& shape,
                       const Eigen::Isometry3d& pose) {
     Eigen::Isometry3d theirs = Eigen::Isometry3d::Identity();
     for (int row = 0; row < 3; row++) {
@@ -87,7 +87,7 @@ class MjcfTest : public ExportTest {
     }
     const mjtNum* size = m->geom_size + 3 * g;
     const Vector half(size[0], size[1], size[2]);
-    if (shape.type == UrdfShape::Type::mesh) {
+    if (shape.type == RobotShape::Type::mesh) {
       const Mesh mesh = read_mesh(shape.file).mesh;
       const int id = m->geom_dataid[g];
       for (int v = 0; v < m->mesh_vertnum[id]; v++) {
@@ -102,7 +102,7 @@ class MjcfTest : public ExportTest {
     }
     EXPECT_LT((pose.translation() - theirs.translation()).norm(), 1e-9);
     switch (shape.type) {
-      case UrdfShape::Type::box:
+      case RobotShape::Type::box:
         EXPECT_TRUE(shape.size.isApprox(2 * half, 1e-12));
         EXPECT_TRUE((pose.linear() * half.asDiagonal() * pose.linear().transpose())
                         .isApprox(theirs.linear() * half.asDiagonal() * theirs.linear().transpose(), 1e-9));
@@ -110,11 +110,11 @@ class MjcfTest : public ExportTest {
         for (const double c : (theirs.linear().transpose() * pose.linear()).cwiseAbs().reshaped())
           EXPECT_TRUE(c < 1e-6 || c > 1 - 1e-6) << c;
         break;
-      case UrdfShape::Type::ellipsoid:
+      case RobotShape::Type::ellipsoid:
         EXPECT_TRUE(shape.size.isApprox(half, 1e-12));
         EXPECT_TRUE(pose.linear().isApprox(theirs.linear(), 1e-9));
         break;
-      case UrdfShape::Type::sphere:
+      case RobotShape::Type::sphere:
         EXPECT_NEAR(shape.size.x(), half.x(), 1e-12);
         break;
       default:
@@ -159,7 +159,7 @@ TEST_F(MjcfTest, EveryGeomStandsWhereMuJoCoPutsIt) {
 }
 
 TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
-  const Urdf r = read_mjcf(put(
+  const RobotTree r = read_mjcf(put(
       "<default><motor ctrlrange='-2 3'/></default><worldbody><body name='a'><geom size='.1'/><joint "
       "name='j' "
       "range='-90 45' damping='2' frictionloss='.5'/><body name='b' pos='1 0 0'><joint name='k' type='slide' "
@@ -194,7 +194,7 @@ TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
 }
 
 TEST_F(MjcfTest, WhatIsLeftOutIsCountedInNotes) {
-  const Urdf r = read_mjcf(
+  const RobotTree r = read_mjcf(
       put("<worldbody><geom type='plane' size='1 1 1'/><flexcomp name='cloth'/>"
           "<body name='a'><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><geom type='box' size='1 1 1'/>"
           "</body></worldbody><deformable><flex name='bag'/></deformable>"));

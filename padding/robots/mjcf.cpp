@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "padding/mjcf/mjcf.h"
+#include "padding/robots/mjcf.h"
 
 #include <algorithm>
 #include <array>
@@ -11,7 +11,8 @@
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/import/xml.h"
-#include "padding/mjcf/mjcf_file.h"
+#include "padding/robots/mjcf_file.h"
+#include "padding/robots/urdf.h"
 
 namespace padder {
 namespace {
@@ -33,19 +34,19 @@ struct MeshAsset {
 // A geom that may be padded.
 struct Geom {
   std::size_t link;
-  UrdfShape shape;
+  RobotShape shape;
   Bits bits;
 };
 
 class MjcfReader {
  public:
-  MjcfReader(const fs::path& path, const UrdfOptions& options)
+  MjcfReader(const fs::path& path, const RobotReadOptions& options)
       : path_(path), file_(path), options_(options) {}
 
-  Urdf read() {
-    Model& model = urdf_.model;
+  RobotTree read() {
+    Model& model = robot_.model;
     model.file = path_.filename().string(), model.unit = "m";
-    urdf_.included = file_.included();
+    robot_.included = file_.included();
     model.name = file_.root().attribute("model").as_string(path_.stem().c_str());
     for (const xml_node& section : file_.root().children("asset"))
       for (const xml_node& mesh : section.children("mesh")) add_mesh(mesh);
@@ -66,21 +67,21 @@ class MjcfReader {
       note("bodies without <inertial>, whose mass follows from a density and not from their geoms: " +
            std::to_string(weightless_));
     if (soft_ > 0) note("soft bodies (flex), which are left out: " + std::to_string(soft_));
-    return std::move(urdf_);
+    return std::move(robot_);
   }
 
  private:
-  void note(const std::string& text) { urdf_.notes.push_back(text); }
+  void note(const std::string& text) { robot_.notes.push_back(text); }
 
   std::size_t add_link(const std::string& name, int parent, const Eigen::Isometry3d& pose) {
     Body body;
     body.name = name, body.parent = parent, body.pose = pose;
     body.joint.name = name + "_fixed";
-    const std::size_t index = urdf_.links.size();
+    const std::size_t index = robot_.links.size();
     if (!index_.emplace(name, index).second)
       throw Error(path_.string() + ": two bodies are called " + excerpt(name));
-    urdf_.links.push_back({name, {}});
-    urdf_.model.bodies.push_back(std::move(body));
+    robot_.links.push_back({name, {}});
+    robot_.model.bodies.push_back(std::move(body));
     return index;
   }
 
@@ -138,7 +139,7 @@ class MjcfReader {
   void add_body(xml_node node, std::size_t parent, const Eigen::Isometry3d& frame, const std::string& outer) {
     const std::string childclass = node.attribute("childclass").as_string(outer.c_str());
     const std::string name =
-        node.attribute("name").as_string(("body_" + std::to_string(urdf_.links.size())).c_str());
+        node.attribute("name").as_string(("body_" + std::to_string(robot_.links.size())).c_str());
     Eigen::Isometry3d pose = frame * file_.pose({{node}});
     // The joints turn one after the other, each about its anchor, and the last one carries the body.
     std::vector<Joint> joints;
@@ -160,7 +161,7 @@ class MjcfReader {
       const Vector step = anchors[k] - at;
       const std::size_t link = add_link(last ? name : name + ":" + joints[k].name, above,
                                         pose * Eigen::Translation3d(step) * turned_back(joints[k]));
-      urdf_.model.bodies[link].joint = joints[k];
+      robot_.model.bodies[link].joint = joints[k];
       pose = Eigen::Isometry3d::Identity(), at = anchors[k], above = static_cast<int>(link);
     }
     if (joints.empty() || !at.isZero(0))
@@ -234,7 +235,7 @@ class MjcfReader {
     else
       i.inertia << f[0], f[3], f[4], f[3], f[1], f[5], f[4], f[5], f[2];
     i.inertia = turn * i.inertia * turn.transpose();
-    urdf_.model.bodies[link].inertial = i;
+    robot_.model.bodies[link].inertial = i;
   }
 
   std::uint32_t bits(const MjcfElement& e, const char* name) const {  // signed or not
@@ -251,7 +252,7 @@ class MjcfReader {
       return;
     }
     Geom geom{link, {}, {bits(e, "contype"), bits(e, "conaffinity")}};
-    UrdfShape& shape = geom.shape;
+    RobotShape& shape = geom.shape;
     const auto ends = file_.numbers(e, "fromto", 6, 6);
     const auto size = file_.numbers(e, "size", 1, 3, {0, 0, 0});
     Vector half(size[0], size.size() > 1 ? size[1] : 0, size.size() > 2 ? size[2] : 0);
@@ -274,7 +275,7 @@ class MjcfReader {
 
   // `half` are the sizes of MJCF.
   void set_size(xml_node node, const std::string& type, const std::string& mesh, const Vector& half,
-                UrdfShape& shape) {
+                RobotShape& shape) {
     if (type == "mesh") {
       const auto found = meshes_.find(mesh);
       if (found == meshes_.end()) file_.fail(node, "there is no mesh asset \"" + excerpt(mesh) + '"');
@@ -286,12 +287,12 @@ class MjcfReader {
     if (!mesh.empty())
       file_.fail(node, "a " + excerpt(type) +
                            " that is fitted to a mesh is not read: give its size, or type=\"mesh\"");
-    static const std::map<std::string_view, std::pair<UrdfShape::Type, int>> types{
-        {"sphere", {UrdfShape::Type::sphere, 1}},
-        {"capsule", {UrdfShape::Type::capsule, 2}},
-        {"cylinder", {UrdfShape::Type::cylinder, 2}},
-        {"box", {UrdfShape::Type::box, 3}},
-        {"ellipsoid", {UrdfShape::Type::ellipsoid, 3}}};
+    static const std::map<std::string_view, std::pair<RobotShape::Type, int>> types{
+        {"sphere", {RobotShape::Type::sphere, 1}},
+        {"capsule", {RobotShape::Type::capsule, 2}},
+        {"cylinder", {RobotShape::Type::cylinder, 2}},
+        {"box", {RobotShape::Type::box, 3}},
+        {"ellipsoid", {RobotShape::Type::ellipsoid, 3}}};
     const auto kind = types.find(type);
     if (kind == types.end())
       file_.fail(node, "its type is none of sphere, capsule, ellipsoid, cylinder, box, mesh");
@@ -314,16 +315,16 @@ class MjcfReader {
     for (const Geom& g : geoms_) {
       if (touches(g) != (any && !visual)) continue;
       std::error_code code;
-      if (g.shape.type == UrdfShape::Type::mesh && !fs::is_regular_file(g.shape.file, code))
-        throw Error(path_.string() + ", body " + excerpt(urdf_.links[g.link].name) +
+      if (g.shape.type == RobotShape::Type::mesh && !fs::is_regular_file(g.shape.file, code))
+        throw Error(path_.string() + ", body " + excerpt(robot_.links[g.link].name) +
                     ": the mesh is not there: looked for " + excerpt(g.shape.file.string(), 500));
-      urdf_.links[g.link].shapes.push_back(g.shape);
+      robot_.links[g.link].shapes.push_back(g.shape);
       bits_[g.link].insert(g.bits);
     }
   }
 
   Joint* joint_named(const std::string& name) {
-    for (Body& b : urdf_.model.bodies)
+    for (Body& b : robot_.model.bodies)
       if (b.joint.name == name && joints_.contains(name)) return &b.joint;
     return nullptr;
   }
@@ -381,14 +382,14 @@ class MjcfReader {
         }
         if (at[0] != at[1]) pairs.insert(std::minmax(at[0], at[1]));
       }
-    for (const auto& [a, b] : neighbours(urdf_)) pairs.erase({a, b});
-    for (const auto& [a, b] : pairs) urdf_.model.apart.push_back({a, b, "User"});
+    for (const auto& [a, b] : neighbours(robot_)) pairs.erase({a, b});
+    for (const auto& [a, b] : pairs) robot_.model.apart.push_back({a, b, "User"});
   }
 
   fs::path path_;
   MjcfFile file_;
-  const UrdfOptions& options_;
-  Urdf urdf_;
+  const RobotReadOptions& options_;
+  RobotTree robot_;
   std::map<std::string, MeshAsset> meshes_;
   std::map<std::string, std::size_t> index_;  // of the links
   std::set<std::string> joints_;
@@ -400,7 +401,9 @@ class MjcfReader {
 
 }  // namespace
 
-Urdf read_mjcf(const fs::path& path, const UrdfOptions& options) { return MjcfReader(path, options).read(); }
+RobotTree read_mjcf(const fs::path& path, const RobotReadOptions& options) {
+  return MjcfReader(path, options).read();
+}
 
 namespace {
 
@@ -452,7 +455,7 @@ bool is_robot_xml(const fs::path& path) try {
   return true;
 }
 
-Urdf read_robot(const fs::path& path, const UrdfOptions& options) {
+RobotTree read_robot(const fs::path& path, const RobotReadOptions& options) {
   return path.extension() == ".xml" && !is_urdf(path) ? read_mjcf(path, options) : read_urdf(path, options);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-#include "padding/mjcf/mjcf_file.h"
+#include "padding/robots/mjcf_file.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Reads MuJoCo's MJCF as a robot: bodies with their geoms, and joints.
 #pragma once
-#include "padding/input/urdf.h"
+#include "padding/robots/robot_tree.h"
 
 namespace padder {
 
@@ -25,13 +25,13 @@ namespace padder {
 // coordinate="global", `replicate`, `composite`, `flexcomp`, `attach`, meshes whose vertices stand in the
 // file, geoms that are fitted to a mesh, joints in a `frame`. It also throws for what MuJoCo refuses: no
 // number where one should be, a class or mesh that is not there, a name twice, a mesh file that is not there.
-Urdf read_mjcf(const std::filesystem::path& path, const UrdfOptions& options = {});
+RobotTree read_mjcf(const std::filesystem::path& path, const RobotReadOptions& options = {});
 
 // Is it a robot to be padded, and not a file of spheres? It is one unless it is an MJCF that says no more
 // than which spheres its bodies have. A .xml that cannot be read counts, too.
 bool is_robot_xml(const std::filesystem::path& path);
 
 // By read_mjcf if the file ends in .xml and is no URDF, otherwise by read_urdf.
-Urdf read_robot(const std::filesystem::path& path, const UrdfOptions& options = {});
+RobotTree read_robot(const std::filesystem::path& path, const RobotReadOptions& options = {});
 
 }  // namespace padder

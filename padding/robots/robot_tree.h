@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-// Reads the URDF of a robot: its links with their collision geometry, its joints, and the tree that they
-// form.
+// A robot as its file describes it: the links with their shapes, and the tree that the joints form.
 #pragma once
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "padding/asset/mesh.h"
@@ -12,7 +12,7 @@
 namespace padder {
 
 // One of the shapes of a link.
-struct UrdfShape {
+struct RobotShape {
   // URDF's kinds, and MJCF's ellipsoid.
   enum class Type { mesh, box, cylinder, capsule, sphere, ellipsoid };
   Type type = Type::mesh;
@@ -25,47 +25,35 @@ struct UrdfShape {
 };
 
 // A link and its shapes. Its mass is in the model.
-struct UrdfLink {
+struct RobotLink {
   std::string name;
-  std::vector<UrdfShape> shapes;  // to be padded
+  std::vector<RobotShape> shapes;  // to be padded
 };
 
 // The bodies have no spheres yet. Parents come first, and links[k] belongs to model.bodies[k].
-struct Urdf {
+struct RobotTree {
   Model model;
-  std::vector<UrdfLink> links;
+  std::vector<RobotLink> links;
   std::vector<std::filesystem::path> included;  // what its text is put together from, besides its own file
-  std::vector<std::string> notes;  // what was not taken as it was written, one clause each
+  std::vector<std::string> notes;               // what was not taken as it was written, one clause each
 };
 
-// Where a URDF's meshes are, and which of its shapes count.
-struct UrdfOptions {
+// Where a robot's meshes are, and which of its shapes count.
+struct RobotReadOptions {
   std::vector<std::filesystem::path> package_folders;  // are searched for packages first
   std::vector<std::string> xacro;                      // NAME:=VALUE each, handed to the program xacro
   bool visual = false;  // take the shapes of `visual` even where there are some of `collision`
 };
 
-// In metres and radians, as in the file. The shapes are those of `collision`. When no link has any, they are
-// those of `visual`, and a note says so. A file that ends in .xacro is expanded by the program xacro first.
-// References to meshes:
-//   package://PKG/rest  as places_in_package (padding/input/packages.h) says
-//   file:///rest        as it stands
-//   rest                beside the URDF
-// In the first two, %20 and the like stand for a byte, unless only a file with the text as it is exists.
-// Only meshes that will be padded must exist. Throws Error, which names the link or joint, for a file that is
-// no robot, has no link, has a name twice, has a joint to a missing link or joints that form no tree, for a
-// mesh that was not found (with the places where it was looked for), and for text where a number should be.
-Urdf read_urdf(const std::filesystem::path& path, const UrdfOptions& options = {});
-
 // The pairs of links that may not touch, i < j. Links that fixed joints connect form a rigid group; links of
 // one group may not touch. Neither may links of a group and of the nearest group above it in the tree that
 // has shapes.
-std::vector<std::pair<std::size_t, std::size_t>> neighbours(const Urdf& urdf);
+std::vector<std::pair<std::size_t, std::size_t>> neighbours(const RobotTree& robot);
 
 // Lists these pairs in model.apart, and turns them into families and masks of the bodies: the links of a
 // rigid group get one family, and neighbouring groups mask each other. Links without shapes get none, nor
 // does the only link that has some. When 32 families are not enough (families_of, padding/export/families.h),
 // no link gets one, and only the list says what may not touch.
-void keep_neighbours_apart(Urdf& urdf);
+void keep_neighbours_apart(RobotTree& robot);
 
 }  // namespace padder
