@@ -24,6 +24,12 @@ Scalar checked_scalar(const NpyView& a, const std::string& where) {
   return a.size == 4 ? Scalar::f32 : Scalar::f64;
 }
 
+std::vector<double> doubles(const NpyView& a) {
+  NpyArray copy;
+  copy.kind = a.kind, copy.size = a.size, copy.shape = a.shape, copy.bytes = a.bytes;
+  return copy.as<double>();
+}
+
 // The files that are mapped now. Fixed places, because a signal handler may not take locks. A file that finds
 // none goes without a name.
 struct Mapping {
@@ -132,10 +138,15 @@ void SphereFile::read_npz() {
   const NpyView c = array("centers"), r = array("radii");
   if (c.shape.size() != 2 || c.shape[1] != 3 || r.shape.size() != 1 || r.shape[0] != c.shape[0])
     throw Error(where_ + ": \"centers\" must be of shape (N, 3) and \"radii\" of shape (N)");
-  spheres_.scalar = checked_scalar(c, where_), spheres_.count = r.shape[0];
-  if (checked_scalar(r, where_) != spheres_.scalar)
-    throw Error(where_ + ": save \"centers\" and \"radii\" in the same type");
-  spheres_.centers = c.bytes.data(), spheres_.radii = r.bytes.data();
+  spheres_.count = r.shape[0];
+  if (c.kind == 'f' && r.kind == 'f' && c.size == r.size) {
+    spheres_.scalar = c.size == 4 ? Scalar::f32 : Scalar::f64;
+    spheres_.centers = c.bytes.data(), spheres_.radii = r.bytes.data();
+  } else {
+    spheres_.scalar = Scalar::f64;
+    centers_ = doubles(c), radii_ = doubles(r);
+    spheres_.centers = centers_.data(), spheres_.radii = radii_.data();
+  }
   const auto tags = [&](const char* name, std::vector<std::uint32_t>& copy) -> const std::uint32_t* {
     if (!entries.contains(name)) return nullptr;
     const NpyView a = array(name);

@@ -13,9 +13,10 @@ namespace padder::detect {
 
 // A mapped file of spheres, in one of these forms, little-endian and in C order:
 // .npy: one array (N, 4) of float32 or float64: x, y, z, r.
-// .npz: stored without compression (numpy.savez), with `centers` (N, 3) and `radii` (N), both float32 or both
-//   float64, and perhaps `family`, `mask` and `world` (N), whole numbers of 4 or 8 bytes. Those of another
-//   type than uint32 are converted and held: 4 bytes for each number.
+// .npz: stored without compression (numpy.savez), with `centers` (N, 3) and `radii` (N), and perhaps
+//   `family`, `mask` and `world` (N), whole numbers of 4 or 8 bytes. Centres and radii that are neither both
+//   float32 nor both float64 are converted to double and held: 32 bytes for each sphere. So are families,
+//   masks and worlds of another type than uint32: 4 bytes for each number.
 // Of all else the constructor reads the heads alone; check() reads everything. Both throw Error, which names
 // the file: for any other file, and for one that is damaged. The file must not be shortened while it is
 // mapped: reading what is no longer there raises SIGBUS.
@@ -49,6 +50,7 @@ class SphereFile {
   bool is_npz_ = false;
   Spheres spheres_;
   std::vector<std::uint32_t> families_, masks_, worlds_;  // where the file has another type
+  std::vector<double> centers_, radii_;                   // the same
 };
 
 }  // namespace padder::detect

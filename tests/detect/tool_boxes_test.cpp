@@ -61,6 +61,27 @@ TEST_F(DetectBoxes, EveryWayOfReadingAndSharingHasTheHashOfOneBox) {
 
 // Spheres of a lattice that just touch: a contact whose midpoint lies on a face between boxes is owned by the
 // box that one of the two only touches.
+// Mapped or read, named or given: numbers of any type.
+TEST_F(DetectBoxes, OneAnswerForNumbersOfAnyType) {
+  const std::vector<double> doubles = {0, 0, 0, 1, 0, 0, 5, 0, 0};
+  const std::vector<std::int64_t> whole = {0, 0, 0, 1, 0, 0, 5, 0, 0}, ones = {1, 1, 1};
+  const std::vector<float> floats = {1, 1, 1};
+  const NpyArray c = npy_array(doubles.data(), {3, 3}), r = npy_array(floats.data(), {3});
+  const NpyArray c_whole = npy_array(whole.data(), {3, 3}), r_whole = npy_array(ones.data(), {3});
+  const std::string scene =
+      R"({"format": "padder.scene", "version": 1, "spheres": [{"file": "spheres.npz"}]})";
+  write_file(folder_ / "npz.json", scene);
+  for (const auto& [centers, radii] : {std::pair(c, r), {c, r_whole}, {c_whole, r}, {c_whole, r_whole}}) {
+    write_file(folder_ / "spheres.npz", npz_bytes({{"centers", centers}, {"radii", radii}}));
+    for (const char* arguments : {"npz.json", "spheres.npz", "npz.json --memory 1G", "npz.json --devices 2",
+                                  "spheres.npz -o contacts.npy"}) {
+      const Outcome o = run(arguments + std::string(" --backend omp --json"));
+      ASSERT_EQ(o.code, 0) << arguments << ": " << o.err;
+      EXPECT_EQ(Json::parse(o.out)["contacts"], 1) << arguments;
+    }
+  }
+}
+
 TEST_F(DetectBoxes, ContactsOnTheFacesOfBoxesHaveTheSameHash) {
   std::vector<FloatSphere> lattice;
   for (int k = 0; k < 8000; k++)
