@@ -329,7 +329,7 @@ class Reader {
     };
     const std::int64_t nx = places(low.x, high.x), ny = places(low.y, high.y),
                        nz = nx > 0 && ny > 0 ? places(low.z, high.z) : 0;
-    if (!random_) random_.emplace(r_.has("seed") ? r_.at("seed").whole(~std::uint64_t(0) >> 1) : 1);
+    if (!random_) random_.emplace(r_.has("seed") ? r_.at("seed").whole(kMostSeed) : 1);
     for (const Wall& w : out_.system.walls)
       if (w.kind == Wall::Kind::cylinder && count > 0 && 1.02 * widest > w.radius)
         g.fail("its largest grain, of radius " + short_number(widest, 6) +

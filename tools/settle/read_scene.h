@@ -3,6 +3,7 @@
 // `settle` beside them with forces, grains, walls and time. docs/detector/settle.md and
 // assets/scene.schema.json describe it.
 #pragma once
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -11,6 +12,9 @@
 #include "tools/settle/system.h"
 
 namespace padder::settle {
+
+// The largest "seed" of a scene.
+inline constexpr std::uint64_t kMostSeed = ~std::uint64_t(0) >> 1;
 
 struct SettleScene {
   System system;

@@ -98,6 +98,7 @@ void declare(CLI::App& app, Arguments& a) {
       ->type_name("FILE");
   app.add_option("--seed", a.seed, "--make: of the random numbers")
       ->check(whole())
+      ->check(CLI::Range(std::uint64_t(0), padder::settle::kMostSeed))
       ->capture_default_str()
       ->type_name("N");
   app.add_flag("--json", a.json, "print one JSON document on stdout");

@@ -270,6 +270,9 @@ with tempfile.TemporaryDirectory() as folder:
 
     # No option is passed over.
     refused("--seed is for --make", "ball.json", "--seed", 2, code=2)
+    refused("--seed", "--make", "silo", "--seed", 2**63, "-o", "silo.json", code=2)
+    run("settle", "--make", "silo", "--count", 300, "--seed", 2**63 - 1, "-o", "silo.json")
+    report("silo.json", "--steps", 1)
     refused("--frames counts what -o writes", "ball.json", "--frames", 2, code=2)
     refused("--steps is for settling", "--make", "silo", "-o", "silo.json", "--steps", 2, code=2)
     refused("--frames", "ball.json", "-o", "few.npz", "--frames", 1000001, code=2)
