@@ -93,20 +93,21 @@ Times longest(const RankReport& r) {
 
 void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, const char* backend) {
   const double total = t.cut + t.exchange + t.detect;
-  const Json report = {
-      {"spheres", r.spheres},
-      {"bodies", r.bodies},
-      {"contacts", r.contacts},
-      {"hash", hex(r.hash)},
-      {"backend", backend},
-      {"path", a.path.word},
-      {"precision", a.precision.word},
-      {"doubtful", r.doubtful},
-      {"ranks", ranks},
-      {"splits", r.splits},
-      {"copies", r.copies},
-      {"imbalance", r.imbalance},
-      {"seconds", {{"cut", t.cut}, {"exchange", t.exchange}, {"detect", t.detect}, {"total", total}}}};
+  const Json seconds = {{"cut", t.cut}, {"exchange", t.exchange}, {"detect", t.detect}, {"total", total}};
+  const Json report = {{"spheres", r.spheres},
+                       {"bodies", r.bodies},
+                       {"contacts", r.contacts},
+                       {"hash", hex(r.hash)},
+                       {"backend", backend},
+                       {"path", a.path.word},
+                       {"precision", a.precision.word},
+                       {"doubtful", r.doubtful},
+                       {"ranks", ranks},
+                       {"splits", r.splits},
+                       {"copies", r.copies},
+                       {"imbalance", r.imbalance},
+                       {"seconds", seconds}};
+  if (a.verbose) print_seconds(seconds);
   if (a.json) {
     padder::cli::print_json(report);
     return;

@@ -45,6 +45,8 @@ def same_hashes():
             many = run(ranks, scene, "--backend", "omp", "-q", "--hash")
             expect(many.returncode == 0 and many.stdout == one.stdout, ranks, scene, one, many)
     report = json.loads(run(3, "dense.json", "--backend", "omp", "--json").stdout)
+    said = run(2, "dense.json", "--backend", "omp", "-q", "-v").stderr
+    expect([line.split()[1] for line in said.splitlines()] == ["cut", "exchange", "detect", "total"], said)
     expect(report["ranks"] == 3 and report["spheres"] == 10000 and report["contacts"] > 25000, report)
 
 
@@ -57,7 +59,7 @@ def bench():
     expect([(r["spheres"], r["by"]) for r in rows] == [(n, by) for n in (3000, 20000) for by in ("ranks", "threads")], rows)
     expect(all(r["devices"] == 3 and r["contacts"] > r["spheres"] and r["seconds"] > 0 for r in rows), rows)
     alone = subprocess.run([bench, "ranks"], capture_output=True, text=True)
-    expect(alone.returncode == 1 and "mpirun" in alone.stderr, alone)
+    expect(alone.returncode == 2 and "mpirun" in alone.stderr, alone)
 
 
 def files():
