@@ -3,13 +3,17 @@
 // as 8.
 #pragma once
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "padding/input/read.h"
 #include "padding/pad_options.h"
@@ -47,6 +51,17 @@ inline CLI::Validator distance() {
                    "length: write a decimal number of at most 1e100");
 }
 
+// To stand before CLI11's own checks, which take for 0 what double arithmetic holds with fewer digits or not
+// at all.
+inline CLI::Validator not_tiny() {
+  return accepting(
+      [](auto& text) {
+        errno = 0;
+        return std::abs(std::strtod(text.c_str(), nullptr)) >= 1 || errno != ERANGE;
+      },
+      "length that can be computed with: write at least 2.3e-308");
+}
+
 // CLI11 would replace a number that is too large by the largest there is.
 inline bool is_whole(const std::string& text) {
   return number_of<std::uint64_t>(text) && (text == "0" || text[0] != '0');
@@ -54,6 +69,48 @@ inline bool is_whole(const std::string& text) {
 
 // Digits without a sign and without a leading zero.
 inline CLI::Validator whole() { return accepting(is_whole, "whole number in decimal digits"); }
+
+// The type of the numbers that an option holds.
+template <class Value>
+struct Held {
+  using Number = Value;
+};
+template <class T>
+struct Held<std::optional<T>> {
+  using Number = T;
+};
+template <class T>
+struct Held<std::vector<T>> {
+  using Number = T;
+};
+template <class Value>
+inline constexpr std::uint64_t kLargest = std::numeric_limits<typename Held<Value>::Number>::max();
+
+// Adds an option of whole numbers from `least` to `most`, with the check that CLI11 lacks. So no option of a
+// whole number is to be added in another way.
+template <class Value>
+CLI::Option* add_whole(CLI::App& app, const std::string& name, Value& value, const std::string& what,
+                       std::uint64_t least = 0, std::uint64_t most = kLargest<Value>) {
+  const std::string range = '[' + std::to_string(least) + " - " + std::to_string(most) + ']';
+  const auto fault = [=](const std::string& text) -> std::string {
+    const std::size_t digits = text.find_first_not_of("+-");
+    if (digits != std::string::npos && text[digits] == '0' && digits + 1 < text.size() &&
+        text[digits + 1] != '.')
+      return not_a(text, "whole number in decimal digits without a leading zero");
+    const bool fits = is_whole(text);  // into 64 bits
+    const std::uint64_t number = fits ? std::stoull(text) : 0;
+    if (fits && number >= least && number <= most) return "";
+    const bool is_digits = !text.empty() && text.find_first_not_of("0123456789") == std::string::npos;
+    if (most == kLargest<Value> && is_digits && (!fits || number > most))
+      return '"' + text + "\" is too large: write at most " + std::to_string(most);
+    return "Value " + text + " not in range " + range;  // in CLI11's words, which tools/usage.h knows
+  };
+  // In CLI11's words, too: the range is shown by --help, unless it is that of the type.
+  const std::string taken = most != kLargest<Value> ? "UINT in " + range
+                            : least > 0             ? "POSITIVE"
+                                                    : "NONNEGATIVE";
+  return app.add_option(name, value, what)->type_name("N")->check(CLI::Validator(fault, taken));
+}
 
 // For programs that take spheres: people give them the mesh.
 inline CLI::Validator no_mesh() {

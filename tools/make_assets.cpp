@@ -5,10 +5,12 @@
 #include "assets/parts.h"
 #include "assets/solid.h"
 #include "padding/asset/file.h"
+#include "tools/arguments.h"
 #include "tools/cli.h"
 
 int main(int argc, char** argv) {
   using namespace padder;
+  using cli::add_whole;
   CLI::App app(
       "Examples:\n"
       "  make_assets                                           the four parts, as assets/ holds them\n"
@@ -31,25 +33,25 @@ int main(int argc, char** argv) {
   track_shoe->add_option("--plate", shoe.plate, "thickness of the body");
   track_shoe->add_option("--grouser", shoe.grouser, "height of the grousers");
   track_shoe->add_option("--horn", shoe.horn, "height of the guide horn");
-  track_shoe->add_option("--lugs", shoe.lugs, "front and rear together");
-  track_shoe->add_option("--segments", shoe.segments, "of a full circle");
+  add_whole(*track_shoe, "--lugs", shoe.lugs, "front and rear together");
+  add_whole(*track_shoe, "--segments", shoe.segments, "of a full circle");
 
   assets::RoadWheel wheel;
   auto* road_wheel = app.add_subcommand("road_wheel", "a rubber-tyred disc wheel");
   road_wheel->add_option("--radius", wheel.radius, "of the tyre");
   road_wheel->add_option("--width", wheel.width, "of the rim");
   road_wheel->add_option("--bore", wheel.bore, "diameter of the hub's hole");
-  road_wheel->add_option("--bolts", wheel.bolts, "holes in the hub");
-  road_wheel->add_option("--windows", wheel.windows, "holes in the disc");
-  road_wheel->add_option("--segments", wheel.segments, "of a full circle");
+  add_whole(*road_wheel, "--bolts", wheel.bolts, "holes in the hub");
+  add_whole(*road_wheel, "--windows", wheel.windows, "holes in the disc");
+  add_whole(*road_wheel, "--segments", wheel.segments, "of a full circle");
 
   assets::Grain grain;
   auto* one_grain = app.add_subcommand("grain", "a convex, rounded particle");
   one_grain->add_option("--size", grain.size, "about its diameter");
-  one_grain->add_option("--planes", grain.planes, "that cut it");
+  add_whole(*one_grain, "--planes", grain.planes, "that cut it");
   one_grain->add_option("--roundness", grain.roundness, "0 to 1");
-  one_grain->add_option("--frequency", grain.frequency, "20 of its square are the triangles");
-  one_grain->add_option("--seed", grain.seed, "another seed, another grain");
+  add_whole(*one_grain, "--frequency", grain.frequency, "20 of its square are the triangles");
+  add_whole(*one_grain, "--seed", grain.seed, "another seed, another grain");
 
   assets::Hopper bunker;
   auto* hopper = app.add_subcommand("hopper", "a funnel from a square to a round opening");
@@ -57,8 +59,8 @@ int main(int argc, char** argv) {
   hopper->add_option("--outlet", bunker.outlet, "outer diameter");
   hopper->add_option("--height", bunker.height, "");
   hopper->add_option("--wall", bunker.wall, "thickness");
-  hopper->add_option("--bolts", bunker.bolts, "at each side of the flange");
-  hopper->add_option("--segments", bunker.segments, "a multiple of 8");
+  add_whole(*hopper, "--bolts", bunker.bolts, "at each side of the flange");
+  add_whole(*hopper, "--segments", bunker.segments, "a multiple of 8");
 
   return cli::run(app, argc, argv, [&] {
     const bool all = app.get_subcommands().empty();

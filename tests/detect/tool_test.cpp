@@ -174,6 +174,13 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
   EXPECT_EQ(said("--copies 0"), "--copies takes a whole number from 1 to 4294967294, not \"0\"");
   EXPECT_EQ(said("--copies=-5"), "--copies takes a whole number from 1 to 4294967294, not \"-5\"");
   EXPECT_EQ(said("--copies many"), "--copies takes a whole number from 1 to 4294967294, not \"many\"");
+  for (const char* number : {"010", "0x10", "-010"})
+    for (const char* option : {"--copies", "--threads"})
+      EXPECT_EQ(said(option + (" " + std::string(number))),
+                option + (": \"" + std::string(number)) +
+                    "\" is no whole number in decimal digits without a leading zero");
+  EXPECT_EQ(said("--bin-size 1e-320"),
+            "--bin-size: \"1e-320\" is no length that can be computed with: write at least 2.3e-308");
   EXPECT_EQ(said("--devices 1e6"),
             "--devices: \"1e6\" is no number of devices: write a whole number from 1 to 9999, or all");
   EXPECT_EQ(said("--bin-size -1"), "--bin-size takes a number above 0, not \"-1\"");

@@ -146,6 +146,15 @@ class HostileTest(unittest.TestCase):
         self.put("r.xacro", robot(""))
         self.sentence("pad", "r.xacro", *QUICK, says="the program xacro", limit=lambda: os.environ.update(PATH="/bin"))
 
+    def test_numbers_that_could_be_octal_or_hexadecimal(self):
+        for text in ("010", "0x10"):
+            for words in (["track_shoe", "--lugs"], ["grain", "--planes"], ["hopper", "--bolts"], ["road_wheel", "--segments"],
+                          ["grain", "--seed"]):
+                self.sentence("make_assets", *words, text, code=2, says=f'"{text}" is no whole number in decimal digits')
+            for option in ("--max-spheres", "--effort", "--family", "--robot-spheres", "--self-collision", "--workers", "--threads"):
+                self.sentence("pad", "absent.obj", option, text, code=2, says=f'"{text}" is no whole number in decimal digits')
+        self.assertEqual(self.files(), set())
+
     def test_more_threads_than_a_stack_holds(self):
         self.put("a.obj", CUBE)
         self.works("pad", "a.obj", *QUICK, limit=lambda: os.environ.update(OMP_NUM_THREADS="100000", OMP_STACKSIZE="64K"))

@@ -18,34 +18,79 @@ struct Entry {
   const char* name;
   const char* what;
   Run run;
+  const char* reads;  // the options that it reads, but for --json and -q
 };
 
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
-      {"table2", "errors against Bullet in double, beside the paper's Table 2", table2},
-      {"speedup", "speedup over a warm Bullet step, the paper's Fig. 25", speedup},
-      {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling},
-      {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies},
-      {"scenes", "sparse and uneven scenes beside dense, standing and (--moving) moving", scenes},
-      {"piles", "piles of padded bodies, from those that barely touch to packed ones", piles},
-      {"shapes", "bodies of many shapes: searched first, expanded, and as the detector decides", shapes},
-      {"worlds", "many worlds in one call, and answers for each: beside Bullet and FCL on the CPU", worlds},
-      {"stages", "milliseconds of each stage, the nine stages and the fast path", stages},
-      {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes},
+      {"table2", "errors against Bullet in double, beside the paper's Table 2", table2,
+       "-o --spheres --backend --threads"},
+      {"speedup", "speedup over a warm Bullet step, the paper's Fig. 25", speedup,
+       "-o --spheres --backend --threads --repeat"},
+      {"scaling", "time against contacts for every scene, the paper's Fig. 26", scaling,
+       "-o --spheres --backend --threads --repeat --scene"},
+      {"bodies", "the rows of scaling that are made of bodies, and a few that move among many", bodies,
+       "-o --spheres --backend --threads --repeat"},
+      {"scenes", "sparse and uneven scenes beside dense, standing and (--moving) moving", scenes,
+       "-o --spheres --backend --threads --repeat --scene --moving --stable --history --margin"},
+      {"piles", "piles of padded bodies, from those that barely touch to packed ones", piles,
+       "-o --spheres --backend --threads --repeat --scene FILE"},
+      {"shapes", "bodies of many shapes: searched first, expanded, and as the detector decides", shapes,
+       "-o --backend --threads --repeat --scene"},
+      {"worlds", "many worlds in one call, and answers for each: beside Bullet and FCL on the CPU", worlds,
+       "-o --spheres --backend --threads --repeat FILE"},
+      {"stages", "milliseconds of each stage, the nine stages and the fast path", stages,
+       "-o --spheres --backend --threads --repeat"},
+      {"boxes", "time against contacts on one and several GPUs, the paper's Fig. 27", boxes,
+       "-o --spheres --backend --threads --repeat --scene --devices"},
       {"ranks", "one scene in repeated calls, by ranks of MPI (mpirun -n 2 bench ranks) and by threads",
-       ranks},
-      {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3},
-      {"precision", "error against time of float, exact and double on hard scenes", precision},
+       ranks, "-o --spheres --backend --threads --repeat"},
+      {"table3", "a step of a settled silo beside the paper's Table 3, its Figs. 29 and 30", table3,
+       "-o --spheres --backend --threads --scene"},
+      {"precision", "error against time of float, exact and double on hard scenes", precision,
+       "-o --spheres --backend --threads --repeat --scene"},
 #ifdef PADDER_BENCH_PADDING
-      {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier},
-      {"shoe", "speed against error: a part padded at six tolerances, dropped on gravel", shoe},
-      {"hard", "padding on hard meshes: what comes out, and whether that is right", hard},
+      {"frontier", "spheres against error of meshes, the paper's fit beside ours", frontier, "-o FILE"},
+      {"shoe", "speed against error: a part padded at six tolerances, dropped on gravel", shoe,
+       "-o --spheres --backend --threads FILE"},
+      {"hard", "padding on hard meshes: what comes out, and whether that is right", hard, "-o --scene"},
 #endif
-      {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files},
+      {"draw", "no measurement: the plots of such benches, from the JSON files they wrote", draw_files,
+       "-o FILE"},
       {"compare", "no measurement: the times of two such JSON files; fails when the second is slower",
-       compare},
+       compare, "--within FILE"},
   };
   return all;
+}
+
+bool reads(const Entry& e, const std::string& option) {
+  return (' ' + std::string(e.reads) + ' ').find(' ' + option + ' ') != std::string::npos;
+}
+
+// "boxes and scenes": the benches that read an option.
+std::string readers_of(const std::string& option) {
+  std::vector<std::string> names;
+  for (const Entry& e : entries())
+    if (reads(e, option)) names.emplace_back(e.name);
+  return padder::cli::listed(names);
+}
+
+const Entry& entry_of(const std::string& name) {
+  for (const Entry& e : entries())
+    if (name == e.name) return e;
+  throw padder::cli::UsageError("no bench is called '" + name + "': see bench --list");
+}
+
+// Throws UsageError for what the bench would leave unread: its figures would be taken for others.
+void refuse_unread(const CLI::App& app, const Entry& e) {
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string name = option->get_name(), benches = readers_of(name);
+    if (option->count() == 0 || benches.empty() || reads(e, name)) continue;
+    if (name == "FILE")
+      throw padder::cli::UsageError(std::string(e.name) + " reads no file: leave " + option->results()[0] +
+                                    " out");
+    throw padder::cli::UsageError(name + " is for " + benches + ": leave it out");
+  }
 }
 
 void print_table(const Json& table) {
@@ -69,19 +114,15 @@ void print_table(const Json& table) {
   }
 }
 
-int run(const std::string& name, const Settings& settings) {
-  for (const Entry& e : entries()) {
-    if (name != e.name) continue;
-    if (!settings.folder.empty()) std::filesystem::create_directories(settings.folder);
-    Json result = e.run(settings);
-    if (result.contains("machine")) write_result(settings, result);  // a measurement
-    if (settings.json)
-      std::cout << text_of(result) << std::flush;
-    else
-      print_table(result["table"]);
-    return result.value("passed", true) ? 0 : 1;
-  }
-  throw padder::cli::UsageError("no bench is called '" + name + "': see bench --list");
+int run(const Entry& e, const Settings& settings) {
+  if (!settings.folder.empty()) std::filesystem::create_directories(settings.folder);
+  Json result = e.run(settings);
+  if (result.contains("machine")) write_result(settings, result);  // a measurement
+  if (settings.json)
+    std::cout << text_of(result) << std::flush;
+  else
+    print_table(result["table"]);
+  return result.value("passed", true) ? 0 : 1;
 }
 
 }  // namespace
@@ -100,6 +141,7 @@ int main(int argc, char** argv) {
       "where gnuplot is installed, NAME.svg; draw makes the same NAME.svg from NAME.json, beside it or in "
       "DIR.\n",
       "bench");
+  using padder::cli::add_whole;
   std::string name;
   Settings s;
   bool list = false;
@@ -109,13 +151,14 @@ int main(int argc, char** argv) {
                  "benches wrote "
                  "(draw, compare)");
   app.add_flag("--list", list, "name the benches");
-  app.add_option("--spheres", s.spheres, "sizes, instead of the bench's own")
+  // Of more spheres than a detector takes, a scene cannot be measured.
+  add_whole(app, "--spheres", s.spheres, "sizes, instead of the bench's own", 1, 0xfffffffe)
       ->delimiter(',')
       ->type_name("N,N,...");
   app.add_option(
          "--scene", s.scene,
-         "one scene or mesh only (scaling, boxes, precision, hard); this one and dense (scenes); clumps "
-         "of three spheres instead of grains (table3)")
+         "one scene, spacing, shape or mesh only (scaling, piles, shapes, boxes, precision, hard); this one "
+         "and dense (scenes); clumps of three spheres instead of grains (table3)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
   app.add_flag("--stable", s.stable, "a list of stable order (scenes)");
@@ -127,13 +170,10 @@ int main(int argc, char** argv) {
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));
-  app.add_option("--threads", s.threads, "CPU threads, 1 to 1024 (default: all)")
-      ->check(CLI::Range(1, padder::cli::kMostThreads));
-  app.add_option("--devices", s.devices, "GPUs, instead of one, two, four and so on (boxes)")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--repeat", s.repeat, "measured calls; the median counts")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  add_whole(app, "--threads", s.threads, "CPU threads, 1 to 1024 (default: all)", 1,
+            padder::cli::kMostThreads);
+  add_whole(app, "--devices", s.devices, "GPUs, instead of one, two, four and so on (boxes)", 1);
+  add_whole(app, "--repeat", s.repeat, "measured calls; the median counts", 1)->capture_default_str();
   std::string within = "3%";
   app.add_option("--within", within, "how much slower a time may be, as 3% or 0.03 (compare)")
       ->type_name("FRACTION")
@@ -149,8 +189,10 @@ int main(int argc, char** argv) {
       return 0;
     }
     if (name.empty()) throw padder::cli::UsageError("name a bench: see bench --list");
+    const Entry& entry = entry_of(name);
+    refuse_unread(app, entry);
     s.within = *padder::cli::fraction_of(within);
-    return run(name, s);
+    return run(entry, s);
   };
   return padder::cli::run(app, argc, argv, work, [&](const std::string& error) {
     if (s.json) padder::cli::print_failure(name, error);

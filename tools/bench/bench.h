@@ -60,6 +60,10 @@ Json compare(const Settings&);     // compare.cpp; no measurement: two documents
 double seconds_of(const std::function<void()>& work);
 double median_seconds(int repeat, const std::function<void()>& work);  // one call before, not measured
 void say(const Settings&, const std::string& sentence);                // progress, on stderr
+// Throws what ends the program with exit code 2.
+[[noreturn]] void wrong_usage(const std::string& sentence);
+// Calls it where --scene names none of these.
+void check_scene(const Settings&, const char* bench, std::vector<std::string> names);
 
 // detector.detect(input) and detector.hash() under a watchdog: the process ends with a sentence when there is
 // no answer within a minute. On the CPU, which cannot hang, each million spheres adds a second.

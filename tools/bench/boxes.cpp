@@ -502,10 +502,7 @@ Json lines_of(const Json& rows) {
 }  // namespace
 
 Json boxes(const Settings& s) {
-  const std::string& name = s.scene;
-  if (!name.empty() && name != "dense" && name != "poly100" && name != "bodies" && name != "host" &&
-      name != "out-of-core" && name != "front")
-    throw Error("boxes has the scenes dense, poly100, bodies, host, out-of-core and front");
+  check_scene(s, "boxes", {"dense", "poly100", "bodies", "host", "out-of-core", "front"});
   Table t;
   const bool cuda = s.backend != "omp" && gpus() > 0;
   if (s.backend == "cuda" && !cuda) throw Error("there is no GPU that CUDA can use: choose omp");

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "tools/bench/bench.h"
+#include "tools/cli.h"
 #include "tools/watchdog.h"
 
 namespace padder::bench {
@@ -43,6 +44,14 @@ const detect::Contacts& detect_watched(detect::Detector& detector, const detect:
 std::uint64_t hash_watched(const detect::Detector& detector) {
   const Watchdog limit("bench: hash");
   return detector.hash();
+}
+
+void wrong_usage(const std::string& sentence) { throw cli::UsageError(sentence); }
+
+void check_scene(const Settings& s, const char* bench, std::vector<std::string> names) {
+  if (s.scene.empty() || std::find(names.begin(), names.end(), s.scene) != names.end()) return;
+  wrong_usage("--scene of " + std::string(bench) + " is one of " + cli::listed(names) + ", not " +
+              cli::in_quotes(s.scene));
 }
 
 std::vector<detect::BackendKind> backends(const Settings& s) {

@@ -111,7 +111,7 @@ Json json_of(const Row& r) {
 }  // namespace
 
 Json frontier(const Settings& s) {
-  if (s.files.empty()) throw Error("name at least one mesh: bench frontier MESH...");
+  if (s.files.empty()) wrong_usage("name at least one mesh: bench frontier MESH...");
   std::vector<Row> rows;
   Json growths = Json::array();
   for (const std::string& path : s.files) {

@@ -152,6 +152,7 @@ std::vector<Case> cases_of(const Settings& s, const Part& part) {
 }  // namespace
 
 Json piles(const Settings& s) {
+  check_scene(s, "piles", {"loose", "pressed", "packed"});
   std::vector<Part> parts;
   for (const std::string& file : s.files) {
     const detect::Scene scene = detect::read_scene_or_cluster(file, 1);

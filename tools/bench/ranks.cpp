@@ -238,7 +238,7 @@ class Table {
 
 Json ranks(const Settings& s) {
   const tool::Launch launch = tool::launch_of_environment();
-  if (launch.ranks == 0) throw Error("ranks is started by mpirun: mpirun --bind-to none -n 2 bench ranks");
+  if (launch.ranks == 0) wrong_usage("ranks is started by mpirun: mpirun --bind-to none -n 2 bench ranks");
   const Session session;
   if (session.rank > 0 && !std::freopen("/dev/null", "w", stdout)) throw Error("cannot close the output");
   detect::CallOptions options;

@@ -156,11 +156,10 @@ Json result_of(const Settings& s, const char* name, const Table& t) {
 }  // namespace
 
 Json scaling(const Settings& s) {
+  check_scene(s, "scaling", {"dense", "coherent", "dilute", "poly35", "poly100", "cluster"});
   Table t(s);
   loose_rows(s, t);
   if (s.scene.empty() || s.scene == "cluster") body_rows(s, t);
-  if (t.rows.empty())
-    throw Error("scaling has the scenes dense, coherent, dilute, poly35, poly100 and cluster");
   return result_of(s, "scaling", t);
 }
 

@@ -297,6 +297,9 @@ class Table {
 }  // namespace
 
 Json scenes(const Settings& s) {
+  std::vector<std::string> names;
+  for (const UnevenScene& scene : uneven_scenes()) names.emplace_back(scene.name);
+  check_scene(s, "scenes", names);
   Table t(s);
   std::vector<Row> rows;
   for (const UnevenScene& scene : uneven_scenes()) {

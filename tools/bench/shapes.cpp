@@ -92,6 +92,7 @@ double median_of(const Settings& s, detect::BackendKind backend, detect::Bodies 
 }  // namespace
 
 Json shapes(const Settings& s) {
+  check_scene(s, "shapes", {"rod", "star", "shell", "plate", "block"});
   Json rows = Json::array(),
        table = Json::array({{"backend", "shape", "spheres each", "bodies", "spacing", "read", "contacts",
                              "first [ms]", "expanded", "automatic", "over the faster"}});

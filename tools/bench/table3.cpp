@@ -220,8 +220,7 @@ Json table3(const Settings& s) {
                              "detection in every step [ms]", "one call with a history [ms]",
                              "while settling: step [ms]", "detection [ms]", "steps a second",
                              "paper: contacts", "total [s]", "detection [s]", "solver [s]"}});
-  if (!s.scene.empty() && s.scene != "silo" && s.scene != "clumps")
-    throw Error("table3 has the scenes silo and clumps, and not " + s.scene);
+  check_scene(s, "table3", {"silo", "clumps"});
   Json result;
   for (const detect::BackendKind backend : backends(s)) {
     std::map<std::string, Points> points;

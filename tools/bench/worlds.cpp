@@ -103,7 +103,7 @@ WorldScene arm(const Settings& s, std::uint32_t worlds) {
       scene.spheres.push_back(capsule(length));
     scene.name = "arm of capsules";
   } else if (s.files.size() != kLinks) {
-    throw Error(
+    wrong_usage(
         "the clusters of the Panda's links are wanted: link 0 to 7, hand, left finger and right finger");
   }
   for (const std::string& file : s.files) {

@@ -39,9 +39,8 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
                  "scene or a cluster from stdin")
       ->required()
       ->check(padder::cli::no_mesh());
-  app.add_option("--copies", a.copies, "of a cluster: a jittered pile of N bodies")
-      ->check(CLI::Range(1u, 0xfffffffeu))
-      ->type_name("N");
+  padder::cli::add_whole(app, "--copies", a.copies, "of a cluster: a jittered pile of N bodies", 1,
+                         0xfffffffe);
   a.backend.add(app, "--backend", "auto takes the GPU when there is one");
   app.add_option("--devices", a.devices,
                  "detect in boxes on N GPUs, or on all that there are; with --backend omp N detectors share "
@@ -63,6 +62,7 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
   a.path.add(app, "--path", "the fast path, or the nine stages as in the paper");
   a.precision.add(app, "--precision", "exact: the contacts of double arithmetic; fast: float only");
   app.add_option("--bin-size", a.options.bin_size, "edge of a bin, in the scene's unit (default: chosen)")
+      ->check(padder::cli::not_tiny())
       ->check(CLI::PositiveNumber)
       ->check(padder::cli::distance())
       ->type_name("S");
@@ -75,15 +75,15 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
       ->check(CLI::IsMember(format_names()))
       ->type_name("NAME");
   app.add_option("--margin", a.options.margin, "contacts are all pairs whose gap is at most M")
+      ->check(padder::cli::not_tiny())
       ->check(CLI::NonNegativeNumber)
       ->check(padder::cli::distance())
       ->type_name("M");
   app.add_flag("--hash", a.hash, "print the order-free hash of the pairs");
   app.add_flag("--stages", a.stages, "print the arrays T, S, B, C, D, E, F of a small scene");
   static_assert(padder::cli::kMostThreads == kMostThreads);
-  app.add_option("--threads", a.options.threads, "CPU threads, 1 to 1024 (default: all)")
-      ->check(CLI::Range(1, kMostThreads))
-      ->type_name("N");
+  padder::cli::add_whole(app, "--threads", a.options.threads, "CPU threads, 1 to 1024 (default: all)", 1,
+                         kMostThreads);
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
   app.add_flag("-v", a.verbose, "print the seconds of each stage on stderr");

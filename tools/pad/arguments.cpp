@@ -103,9 +103,8 @@ void declare_spheres(CLI::App& app, PadArguments& a) {
       "no surface lies farther outside the spheres; 0: all of the body is inside them. With --protrusion "
       "or --tolerance",
       length_or_zero());
-  app.add_option("--max-spheres", a.options.max_spheres, "the smallest error that so many spheres can keep")
-      ->check(whole())
-      ->check(CLI::Range(1u, 0xffffffffu));
+  add_whole(app, "--max-spheres", a.options.max_spheres, "the smallest error that so many spheres can keep",
+            1, 0xffffffff);
   add_length(app, "--max-radius", a.options.max_radius, "no larger sphere");
   add_length(app, "--min-radius", a.options.min_radius,
              "no smaller sphere, even where the tolerance asks for it");
@@ -118,10 +117,8 @@ void declare_spheres(CLI::App& app, PadArguments& a) {
   app.add_option("--smooth", a.options.smooth, "mean normal error asked for, degrees")
       ->check(decimal())
       ->check(CLI::PositiveNumber);
-  app.add_option("--effort", a.options.effort, "0 to 3: search longer for fewer spheres")
-      ->capture_default_str()
-      ->check(whole())
-      ->check(CLI::Range(0, 3));
+  add_whole(app, "--effort", a.options.effort, "0 to 3: search longer for fewer spheres", 0, 3)
+      ->capture_default_str();
   app.add_flag("--lower-bound", a.options.lower_bound,
                "also prove how few spheres could do: some seconds more");
   add_length(app, "--reach", a.options.min_grain_radius,
@@ -146,8 +143,7 @@ void declare_asset(CLI::App& app, PadArguments& a) {
           std::map<std::string, RepairMode>(std::begin(kRepairModes), std::end(kRepairModes))))
       ->type_name("MODE");
   add_length(app, "--thickness", a.options.thickness, "of sheets, half on either side (default 0)");
-  app.add_option("--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
-      ->check(whole())
+  add_whole(app, "--family", a.options.family, "of the asset: no contact inside a family; 0 is none")
       ->each([&a](const std::string&) { a.family_given = true; });
   app.add_option("--mask", a.options.mask, "bit k: no contact with family k + 1")
       ->check(bits())
@@ -158,11 +154,9 @@ void declare_asset(CLI::App& app, PadArguments& a) {
 
 // Of robots alone.
 void declare_robot(CLI::App& app, PadArguments& a) {
-  app.add_option(
-         "--robot-spheres", a.robot.max_spheres,
-         "of a robot: the smallest tolerance, the same for all links, that so many spheres in all can keep")
-      ->check(whole())
-      ->check(CLI::PositiveNumber);
+  add_whole(
+      app, "--robot-spheres", a.robot.max_spheres,
+      "of a robot: the smallest tolerance, the same for all links, that so many spheres in all can keep", 1);
   app.add_flag("--visual", a.robot.reading.visual,
                "of a robot: pad the visual geometry, not the collision geometry");
   app.add_option("--package-path", a.robot.reading.package_folders,
@@ -173,11 +167,10 @@ void declare_robot(CLI::App& app, PadArguments& a) {
                  "of a .xacro: an argument of the robot, as dof:=7; may be given again")
       ->allow_extra_args(false)
       ->type_name("NAME:=VALUE");
-  app.add_option("--self-collision", a.robot.poses,
-                 "of a robot: random poses that are tried for links that never or always touch; 0: none")
-      ->capture_default_str()
-      ->check(whole())
-      ->check(CLI::Range(0, 100000000));
+  add_whole(app, "--self-collision", a.robot.poses,
+            "of a robot: random poses that are tried for links that never or always touch; 0: none", 0,
+            100000000)
+      ->capture_default_str();
   app.add_option("--joint", a.joints, "of a robot in --preview: where a joint stands, in radians or metres")
       ->allow_extra_args(false)
       ->type_name("NAME=VALUE");
@@ -211,9 +204,8 @@ void declare_run(CLI::App& app, PadArguments& a) {
          "or changed")
       ->type_name("FILE");
   app.add_option("--shard", a.shard, "only the I-th of N portions of the parts, as 3/8")->type_name("I/N");
-  app.add_option("--workers", a.workers, "parts padded at once (default: one for each processor)")
-      ->check(whole())
-      ->check(CLI::Range(1, kMostThreads));
+  add_whole(app, "--workers", a.workers, "parts padded at once (default: one for each processor)", 1,
+            kMostThreads);
   app.add_flag("--page", a.page,
                "write index.html into the folder: every part with a picture and its figures");
 }
@@ -230,10 +222,8 @@ void declare_output(CLI::App& app, PadArguments& a) {
       app, a.colour,
       "of --preview: by family (the default), radius, protrusion, gap or triangle; the errors also "
       "on the mesh");
-  app.add_option("--threads", a.threads,
-                 "threads to use, 1 to 1024; with a manifest, for each part (default: all)")
-      ->check(whole())
-      ->check(CLI::Range(1, kMostThreads));
+  add_whole(app, "--threads", a.threads,
+            "threads to use, 1 to 1024; with a manifest, for each part (default: all)", 1, kMostThreads);
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
   app.add_flag("-v", a.verbose, "print the seconds of each step on stderr");

@@ -26,6 +26,8 @@ namespace fs = std::filesystem;
 
 using padder::cli::UsageError;
 
+constexpr double kMostAround = 36000;  // degrees: a hundred turns, of which float still tells the angle
+
 struct Arguments {
   std::string input, output, format, mesh, contacts, size;
   std::uint64_t copies = 0;
@@ -54,17 +56,16 @@ void declare(CLI::App& app, Arguments& a) {
       ->type_name("MESH");
   app.add_option("--contacts", a.contacts, "contacts of the scene as detect wrote them, .csv or .npz: arrows")
       ->type_name("FILE");
-  app.add_option("--copies", a.copies, "of a cluster: the pile of N bodies that detect --copies N makes")
-      ->check(CLI::Range(1u, 0xfffffffeu))
-      ->type_name("N");
-  app.add_option(
-         "--lod", a.rung,
-         "which level of detail of a ladder (pad --lod): 0 the finest, 1 the next coarser …; a picture "
-         "draws it, a page opens with it")
-      ->check(CLI::NonNegativeNumber)
+  using padder::cli::add_whole;
+  add_whole(app, "--copies", a.copies, "of a cluster: the pile of N bodies that detect --copies N makes", 1,
+            0xfffffffe);
+  add_whole(app, "--lod", a.rung,
+            "which level of detail of a ladder (pad --lod): 0 the finest, 1 the next coarser …; a picture "
+            "draws it, a page opens with it")
       ->capture_default_str()
       ->type_name("K");
   app.add_option("--from", a.from, "where the camera stands: degrees around, degrees above")
+      ->check(padder::cli::decimal())
       ->type_name("AROUND ABOVE");
   app.add_option("--up", a.up, "the axis that points up: x, y or z")
       ->check(CLI::IsMember({"x", "y", "z"}))
@@ -79,9 +80,7 @@ void declare(CLI::App& app, Arguments& a) {
       "by family (the default), radius, protrusion, gap, triangle or body; the errors also "
       "on the mesh");
   app.add_option("--size", a.size, "picture: pixels (default: 1600x800)")->type_name("WxH");
-  app.add_option("--samples", a.picture.samples, "picture: rays a pixel")
-      ->check(CLI::Range(1, 4096))
-      ->capture_default_str();
+  add_whole(app, "--samples", a.picture.samples, "picture: rays a pixel", 1, 4096)->capture_default_str();
   app.add_flag("--dark", a.picture.dark, "picture: on a dark background; a page follows the system");
   app.add_flag("--plain", a.picture.plain, "picture: without legend, scale bar and axes");
   app.add_flag("--json", a.json, "print one JSON document on stdout");
@@ -101,8 +100,8 @@ void check(Arguments& a) {
       throw UsageError("--size is WIDTHxHEIGHT, each 16 to 16384, as 1600x800");
     a.picture.width = w, a.picture.height = h;
   }
-  if (!std::isfinite(a.from.first) || !(std::abs(a.from.second) <= 89))
-    throw UsageError("--from takes degrees around, and degrees above from -89 to 89");
+  if (!(std::abs(a.from.first) <= kMostAround) || !(std::abs(a.from.second) <= 89))
+    throw UsageError("--from takes degrees around from -36000 to 36000, and degrees above from -89 to 89");
   if (a.copies && !a.mesh.empty()) throw UsageError("--mesh shows one body: leave --copies out");
 }
 

@@ -122,7 +122,8 @@ class PreviewTest(unittest.TestCase):
     def test_wrong_usage_is_2_and_writes_nothing(self):
         for args in (["ball.spheres.json"], ["ball.spheres.json", "-o", "a.jpg"], ["ball.spheres.json", "-o", "a.png", "--size", "5x5"],
                      ["ball.spheres.json", "-o", "a.png", "--size", "64x64x2"], ["ball.spheres.json", "-o", "a.png", "--show", "all"],
-                     ["ball.spheres.json", "-o", "a.png", "--from", "0", "90"], ["scene.json", "-o", "a.png", "--mesh", "tetra.obj"],
+                     ["ball.spheres.json", "-o", "a.png", "--from", "0", "90"], ["ball.spheres.json", "-o", "a.png", "--from", "1e300", "0"],
+                     ["ball.spheres.json", "-o", "a.png", "--from=-36001", "0"], ["scene.json", "-o", "a.png", "--mesh", "tetra.obj"],
                      ["ball.spheres.json", "-o", "a.png", "--up", "w"], ["-o", "a.png"]):
             with self.subTest(args):
                 self.preview(*args, code=2)
@@ -133,7 +134,10 @@ class PreviewTest(unittest.TestCase):
                                (["--up", "w"], '--up takes one of x, y and z, not "w"'),
                                (["--lod", "-1"], '--lod takes a whole number, 0 or more, not "-1"'),
                                (["--samples", "1.5"], '--samples takes a whole number from 1 to 4096, not "1.5"'),
-                               (["--from", "1", "b"], '--from takes 2 numbers, not "1,b"'),
+                               (["--from", "1", "b"], '--from: "b" is no decimal number'),
+                               (["--from", "10", "0x10"], '--from: "0x10" is no decimal number'),
+                               (["--samples", "010"], '--samples: "010" is no whole number in decimal digits without a leading zero'),
+                               (["--copies", "0x10"], '--copies: "0x10" is no whole number in decimal digits without a leading zero'),
                                (["--from", "1"], "--from takes 2 numbers, and fewer are given")):
             with self.subTest(args):
                 said = self.preview("ball.spheres.json", "-o", "a.png", *args, code=2).stderr

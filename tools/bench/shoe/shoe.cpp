@@ -314,7 +314,7 @@ std::vector<Padding> paddings_of(const ReadResult& file, const Settings& s, Part
 }  // namespace
 
 Json shoe(const Settings& s) {
-  if (s.files.size() != 1) throw Error("name one mesh: bench shoe assets/track_shoe.obj");
+  if (s.files.size() != 1) wrong_usage("name one mesh: bench shoe assets/track_shoe.obj");
   const ReadResult file = read_mesh(s.files[0]);
   const std::string name = std::filesystem::path(s.files[0]).stem().string();
   const Box box = file.mesh.bounds();

@@ -182,7 +182,7 @@ Json precision(const Settings& s) {
       table.push_back(cells_of(modes));
     }
   }
-  if (rows.empty()) throw Error("no scene of bench precision is called '" + s.scene + "'");
+  if (rows.empty()) wrong_usage("no scene of bench precision is called '" + s.scene + "'");
   return {{"bench", "precision"}, {"machine", machine()}, {"device", device_name()}, {"threads", s.threads},
           {"passed", passed},     {"rows", rows},         {"table", table}};
 }

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What bench says of options and files that are wrong, or that the chosen bench does not read.
+#include <gtest/gtest.h>
+
+#include "tests/tools/bench_program.h"
+
+namespace padder {
+namespace {
+
+class BenchUsage : public BenchProgram {
+ protected:
+  // The sentence of a call that must end with exit code 2, without "bench: ". It has 20 seconds.
+  std::string refused(const std::string& arguments) const {
+    const Outcome r = bench(arguments, "timeout 20");
+    EXPECT_EQ(r.code, 2) << arguments << '\n' << r.err;
+    EXPECT_EQ(r.out, "") << arguments;
+    return r.err.starts_with("bench: ") ? r.err.substr(7, r.err.find('\n') - 7) : r.err;
+  }
+};
+
+TEST_F(BenchUsage, NumbersAreDecimalAndInTheirRange) {
+  for (const char* number : {"010", "0x10"})
+    for (const char* option : {"--spheres", "--repeat", "--threads", "--devices"})
+      EXPECT_EQ(refused(std::string("boxes --backend omp ") + option + " " + number),
+                std::string(option) + ": \"" + number +
+                    "\" is no whole number in decimal digits without a leading zero (see bench --help)");
+  for (const char* number : {"-1", "-5", "0", "99999999999999999999", "18446744073709551615", "100,-1"})
+    EXPECT_TRUE(refused(std::string("stages --spheres=") + number)
+                    .starts_with("--spheres takes a whole number from 1 to 4294967294, not "))
+        << number;
+  EXPECT_EQ(refused("stages --repeat 3000000000"),
+            "--repeat: \"3000000000\" is too large: write at most 2147483647 (see bench --help)");
+}
+
+TEST_F(BenchUsage, WhatTheBenchDoesNotReadIsRefused) {
+  const std::string stages = "stages --spheres 1000 --repeat 1 --backend omp ";
+  for (const char* option : {"--moving", "--stable", "--history", "--margin 7"}) {
+    const std::string name = std::string(option).substr(0, std::string(option).find(' '));
+    EXPECT_EQ(refused(stages + option), name + " is for scenes: leave it out");
+  }
+  EXPECT_EQ(refused(stages + "--devices 3"), "--devices is for boxes: leave it out");
+  EXPECT_EQ(refused(stages + "--within 50%"), "--within is for compare: leave it out");
+  EXPECT_EQ(refused(stages + "part.stl"), "stages reads no file: leave part.stl out");
+  EXPECT_EQ(refused("compare a.json b.json --spheres 5").substr(0, 18), "--spheres is for t");
+  EXPECT_EQ(bench(stages + "--json").code, 0);
+}
+
+TEST_F(BenchUsage, WrongUsageIsNoFailure) {
+  EXPECT_EQ(refused("table3 --scene nonsense --backend omp"),
+            "--scene of table3 is one of silo and clumps, not \"nonsense\"");
+  for (const char* name : {"scaling", "scenes", "piles", "shapes", "boxes"})
+    EXPECT_TRUE(refused(std::string(name) + " --scene nonsense --backend omp")
+                    .starts_with("--scene of " + std::string(name) + " is one of "));
+  EXPECT_TRUE(
+      refused("precision --scene nonsense --spheres 1000").starts_with("no scene of bench precision"));
+}
+
+}  // namespace
+}  // namespace padder
