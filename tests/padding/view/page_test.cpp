@@ -154,7 +154,8 @@ TEST_F(Page, ATitleCannotEndAnElement) {
   EXPECT_EQ(Json::parse(element(html, "head"))["title"], view.title);
   EXPECT_EQ(html.find("alert(1)</script>"), std::string::npos);
   EXPECT_EQ(html.find("</SCRIPT>"), std::string::npos);
-  EXPECT_NE(html.find("<title>&lt;/script&gt;&lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;co"), std::string::npos);
+  EXPECT_NE(html.find("<title>&lt;/script&gt;&lt;script&gt;alert(1)&lt;/script&gt; &amp; &quot;co"),
+            std::string::npos);
 }
 
 TEST_F(Page, EqualViewsGiveEqualBytes) { EXPECT_EQ(page_html(view, options), page_html(view, options)); }
