@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include "padding/robot.h"
+#include "padding/robots/urdf.h"
 
 #ifdef PADDER_MUJOCO
 #include <mujoco/mujoco.h>
