@@ -86,6 +86,18 @@ TEST(SphereFile, MappedSpheresGiveTheSameHash) {
   EXPECT_EQ(hash_of(SphereFile(place("worlds.npz"))), one.hash());
 }
 
+TEST(SphereFile, ADamagedByteIsFoundByTheChecksum) {
+  const Files f;
+  std::string bytes = npz_bytes(
+      {{"centers", npy_array(f.centers.data(), {f.n(), 3})}, {"radii", npy_array(f.radii.data(), {f.n()})}});
+  write_file(place("sound.npz"), bytes);
+  SphereFile(place("sound.npz")).check();
+  bytes[bytes.size() / 2] ^= 0x10;
+  write_file(place("damaged.npz"), bytes);
+  const SphereFile damaged(place("damaged.npz"));
+  EXPECT_NE(error_of([&] { damaged.check(); }).find("centers is damaged"), std::string::npos);
+}
+
 TEST(SphereFileDeathTest, AFileThatIsShortenedWhileItIsReadEndsTheProgramWithASentence) {
   testing::FLAGS_gtest_death_test_style = "threadsafe";
   const Files f;
