@@ -569,8 +569,9 @@ Padded pad_file(const std::filesystem::path& path, const ReadOptions& reading, c
     out.report.seconds.read = seconds, out.report.notes = file.notes;
     return out;
   } catch (const Error& e) {  // of a batch, which mesh?
-    const std::string what = e.what(), name = path.string();
-    throw Error(what.starts_with(name) ? what : name + ": " + what);
+    const std::string what = e.what(), name = path.string(), own = path.filename().string() + ": ";
+    if (what.starts_with(name)) throw;
+    throw Error(name + ": " + (what.starts_with(own) ? what.substr(own.size()) : what));
   }
 }
 
