@@ -50,12 +50,12 @@ struct ExportOptions {
 // so a robot can be refused before its links are padded.
 void check_filters(const Model& model, const Format& format);
 
-// Writes the model as one file. MercuryDPM gets a folder; a URDF gets NAME.srdf beside it when some pairs may
-// not touch. All files are written whole, or none. Throws Error, one sentence, when the format cannot
-// hold the model (families, several bodies, no volume, a sphere of radius 0, no sphere); then nothing is
-// written. Numbers have as many digits as the same double needs to be read back; .glb holds float32. Equal
-// models give equal bytes. Returns what the file states that is not exact and that its reader should know,
-// one sentence each.
+// Writes the model as one file. MercuryDPM gets a folder; a URDF gets NAME.srdf beside it, with the pairs
+// that may not touch, when it is a robot's or there are such pairs. All files are written whole, or none.
+// Throws Error, one sentence, when the format cannot hold the model (families, several bodies, no volume, a
+// sphere of radius 0, no sphere); then nothing is written. Numbers have as many digits as the same double
+// needs to be read back; .glb holds float32. Equal models give equal bytes. Returns what the file states that
+// is not exact and that its reader should know, one sentence each.
 std::vector<std::string> write_model(const Model& model, const std::filesystem::path& path,
                                      const Format& format, const ExportOptions& options = {});
 

@@ -164,8 +164,9 @@ Files write_urdf(const Job& job) {
                      body.parent < 0 ? "world" : bodies[static_cast<std::size_t>(body.parent)].name);
     files.emplace_back("", text_of(document));
   }
-  if (!job.pairs.empty())
-    files.emplace_back("*.srdf", srdf(job, false));  // URDF cannot say which pairs may not touch
+  // URDF cannot say which pairs may not touch. A robot without such pairs has the file, too: one that lay
+  // there would speak of another robot.
+  if (job.model.robot() || !job.pairs.empty()) files.emplace_back("*.srdf", srdf(job, false));
   return files;
 }
 

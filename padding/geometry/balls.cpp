@@ -101,10 +101,13 @@ BallGap BallSet::gap(const Point& x, double limit) const {
   return best;
 }
 
-bool BallSet::any_contains(const Point& x, double margin) const {
+std::optional<std::uint32_t> BallSet::containing(const Point& x, double margin) const {
   double limit = -margin;
-  bool found = false;
-  traverse(x, limit, [&](const Slot& slot) { return found = gap_to(slot.ball, x) <= -margin; });
+  std::optional<std::uint32_t> found;
+  traverse(x, limit, [&](const Slot& slot) {
+    if (gap_to(slot.ball, x) <= -margin) found = slot.index;
+    return found.has_value();
+  });
   return found;
 }
 

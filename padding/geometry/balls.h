@@ -4,6 +4,7 @@
 #pragma once
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "padding/asset/mesh.h"
@@ -39,8 +40,9 @@ class BallSet {
   // Of equal gaps the ball with the lowest index counts.
   BallGap gap(const Point& x, double limit = std::numeric_limits<double>::infinity()) const;
 
-  // Is |x - center| <= radius - margin for any ball? A negative margin dilates the balls.
-  bool any_contains(const Point& x, double margin = 0) const;
+  // A ball with |x - center| <= radius - margin, if there is any. A negative margin dilates the balls.
+  std::optional<std::uint32_t> containing(const Point& x, double margin = 0) const;
+  bool any_contains(const Point& x, double margin = 0) const { return containing(x, margin).has_value(); }
 
   // Appends to `found` the index of each ball with |x - center| < radius + distance, in no particular order.
   void find(const Point& x, double distance, std::vector<std::uint32_t>& found) const;

@@ -75,12 +75,20 @@ class BallSampler {
   BallSampler(const Surface& surface, const BallSet& balls, double deepest)
       : surface_(surface), balls_(balls), deepest_(deepest), origin_(surface.bounds().center()) {}
 
-  // The sample on this ball in the direction of `normal`, unless another ball covers it.
-  std::optional<BallSample> at(const Ball& ball, const Vector& normal, double weight) const {
+  // The sample on this ball in the direction of `normal`, unless another ball covers it. `covering` keeps the
+  // balls that covered samples of this ball: most often one of them covers the next, too.
+  std::optional<BallSample> at(const Ball& ball, const Vector& normal, double weight,
+                               std::vector<std::uint32_t>& covering) const {
     const Point x = ball.center + ball.radius * normal;
     // Covered means by more than rounding: a ball's own points do not count, nor points where equal balls
     // touch.
-    if (balls_.any_contains(x, 1e-9 * ball.radius)) return std::nullopt;
+    const double margin = 1e-9 * ball.radius;
+    for (const std::uint32_t k : covering)
+      if (gap_to(balls_.balls()[k], x) <= -margin) return std::nullopt;
+    if (const auto k = balls_.containing(x, margin)) {
+      covering.push_back(*k);
+      return std::nullopt;
+    }
     BallSample s{-1, -1, weight, weight * (x - origin_).dot(normal) / 3};
     const Nearest body = surface_.signed_nearest(x);
     const bool outside = body.distance > 0;
@@ -138,13 +146,15 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   for (std::size_t k = 0; k < balls.size(); k++) {
     const Ball& ball = balls[k];
     const double weight = 4 * std::numbers::pi * ball.radius * ball.radius / double(n);
+    std::vector<std::uint32_t> covering;
     for (std::int64_t j = 0; j < n; j++)
-      if (const auto s = sampler.at(ball, sphere_point(j, n, double(k)), weight)) found[k].push_back(*s);
+      if (const auto s = sampler.at(ball, sphere_point(j, n, double(k)), weight, covering))
+        found[k].push_back(*s);
     // The point where the ball stands out farthest lies beyond the surface point nearest to its centre.
     const Nearest near = body_surface.signed_nearest(ball.center);
     Vector out = near.inside ? Vector(near.point - ball.center) : Vector(ball.center - near.point);
     if (out.norm() > 0)
-      if (const auto s = sampler.at(ball, out.normalized(), 0)) found[k].push_back(*s);
+      if (const auto s = sampler.at(ball, out.normalized(), 0, covering)) found[k].push_back(*s);
   }
   std::vector<Weighted> protrusions, angles;
   for (const auto& of_ball : found)

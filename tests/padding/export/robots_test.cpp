@@ -83,6 +83,14 @@ TEST_F(RobotsTest, UrdfHasTrueMassAndThePairsBesideIt) {
   EXPECT_EQ(srdf.find("frame"), std::string::npos);
 }
 
+TEST_F(RobotsTest, ARobotOfOneLinkLeavesNoPairsOfAnother) {
+  write(arm(), "a.urdf");
+  Model one = model_of(brick());
+  one.file = "one.urdf";
+  write(one, "a.urdf");
+  EXPECT_EQ(read_file(folder_ / "a.srdf").find("disable_collisions"), std::string::npos);
+}
+
 TEST_F(RobotsTest, CheckUrdfAcceptsIt) {
   if (!have("check_urdf")) GTEST_SKIP() << "check_urdf (liburdfdom-tools) is not installed";
   for (const Model& m : {arm(), model_of(brick())}) {
