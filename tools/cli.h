@@ -20,7 +20,6 @@
 #include <stdexcept>
 #include <string>
 #include <system_error>
-#include <vector>
 
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"

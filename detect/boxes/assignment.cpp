@@ -5,7 +5,6 @@
 #include <cstring>
 #include <limits>
 #include <string>
-#include <utility>
 
 #include "detect/core/errors.h"
 #include "detect/core/input.h"

@@ -30,8 +30,6 @@
 //
 // The term with R is 2^-46 of the largest radius. It matters only for spheres 1e13 times as large as a box.
 #pragma once
-#include <span>
-#include <string>
 
 #include "detect/boxes/cut.h"
 #include "detect/detector.h"

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cstring>
 #include <span>
-#include <string>
 #include <vector>
 
 #include "detect/omp/paths.h"

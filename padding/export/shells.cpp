@@ -64,9 +64,10 @@ Shell shell_of(const Cluster& c, const Eigen::Isometry3d& pose) {
         return true;
       };
       const auto hider = std::ranges::find_if(near, hides);
-      const bool hidden = hider != near.end();
-      if (hidden) std::iter_swap(near.begin(), hider);  // it may hide the next triangle, too
-      if (hidden) continue;
+      if (hider != near.end()) {
+        std::iter_swap(near.begin(), hider);  // it may hide the next triangle, too
+        continue;
+      }
       std::array<std::uint32_t, 3> triangle;
       for (int n = 0; n < 3; n++) {
         if (index[v[n]] == unused) {

@@ -2,7 +2,6 @@
 // Sorts a soup into pieces and turns the triangles of each alike.
 #pragma once
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>

@@ -159,8 +159,8 @@ Eigen::Quaterniond MjcfFile::orientation(const MjcfElement& e) const {
       return Eigen::Quaterniond(Eigen::AngleAxisd(a[3] * angle_, Vector(a[0], a[1], a[2]).normalized()));
     if (const auto a = numbers(own, "euler", 3, 3); !a.empty()) {
       Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
-      for (std::size_t k = 0; k < 3;
-           k++) {  // small letters turn about the axes as they are turned, capitals about fixed ones
+      for (std::size_t k = 0; k < 3; k++) {
+        // Small letters turn about the axes as they are turned, capitals about fixed ones.
         const bool fixed = sequence_[k] < 'a';
         const Eigen::Quaterniond next = about(sequence_[k] - (fixed ? 'X' : 'x'), a[k] * angle_);
         turn = fixed ? next * turn : turn * next;

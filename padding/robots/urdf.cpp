@@ -2,10 +2,8 @@
 #include "padding/robots/urdf.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
-#include <cstring>
 #include <map>
 #include <pugixml.hpp>
 #include <set>

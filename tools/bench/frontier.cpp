@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "padding/asset/error.h"
 #include "padding/by_depth/fit.h"
 #include "padding/pad.h"
 #include "padding/verify/accuracy.h"

@@ -8,7 +8,6 @@
 #include <numbers>
 
 #include "padding/asset/cluster.h"
-#include "padding/asset/error.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/device.h"
 #include "tools/bench/peers/bodies.h"

@@ -25,7 +25,7 @@ bool StaticTable::build(std::span<const Sphere> all, std::uint32_t first) {
   }
   grid = choose_grid(s, 0);
   std::fill_n(bounds, kMaxLevels, Bounds{{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}});
-  std::vector<std::uint32_t> keys(all.size()), order(all.size());
+  std::vector<std::uint32_t> keys(all.size());
   starts.assign(std::uint64_t(grid.buckets) + 1, 0);
   for (std::size_t k = 0; k < all.size(); k++) {
     const int level = level_of(grid, all[k]);

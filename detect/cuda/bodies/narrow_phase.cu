@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/bodies/narrow_phase.h"
 
-#include <algorithm>
-
 #include "detect/boxes/halo.h"
 #include "detect/cuda/device/exclusive_sum.h"
 #include "detect/cuda/device/ptx.h"

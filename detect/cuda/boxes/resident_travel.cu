@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "detect/cuda/boxes/resident_work.h"
-#include "padding/asset/error.h"
 
 namespace padder::detect {
 

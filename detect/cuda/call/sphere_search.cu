@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/call/sphere_search.h"
 
-#include <algorithm>
 #include <utility>
 
 #include "detect/cuda/device/profile_range.h"

@@ -2,7 +2,6 @@
 #include "padding/meshing/cavities/cavities.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 
 #include "padding/geometry/random.h"

@@ -4,7 +4,6 @@
 #include <CGAL/Exact_rational.h>
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Contacts among the ranks of MPI: mpirun starts this program with several numbers of ranks. Every rank makes
 // the whole scene, passes its part, and compares with one detector.
-#include <unistd.h>
-
 #include <fstream>
 #include <set>
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "padding/input/read.h"
 
-#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>

@@ -2,8 +2,6 @@
 // Runs gnuplot, and the files of the benches: each its document, and its plots where gnuplot is installed.
 #include "tools/bench/report/draw.h"
 
-#include <unistd.h>
-
 #include <cstdlib>
 #include <set>
 

@@ -9,7 +9,6 @@
 
 #include "detect/cuda/device/device.h"
 #include "detect/detector.h"
-#include "padding/asset/error.h"
 #include "tools/settle/cuda/candidates.h"
 #include "tools/settle/cuda/step_kernels.h"
 #include "tools/settle/cuda/watch_sums.h"
