@@ -233,12 +233,6 @@ double BoxedDetector::Work::excess(const Assignment& assignment) const {
   return worst;
 }
 
-double imbalance_of(const std::vector<double>& work) {
-  double sum = 0, most = 0;
-  for (const double w : work) sum += w, most = std::max(most, w);
-  return sum > 0 ? most * static_cast<double>(work.size()) / sum : 1;
-}
-
 double BoxedDetector::Work::expected_imbalance(const Assignment& assignment) const {
   std::vector<double> work;
   for (std::uint32_t b = 0; b < tree_.boxes(); b++)

@@ -158,4 +158,10 @@ BoxTree tree_of(std::span<const Region> boxes) {
   return tree;
 }
 
+double imbalance_of(const std::vector<double>& work) {
+  double sum = 0, most = 0;
+  for (const double w : work) sum += w, most = std::max(most, w);
+  return sum > 0 ? most * static_cast<double>(work.size()) / sum : 1;
+}
+
 }  // namespace padder::detect

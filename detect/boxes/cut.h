@@ -97,6 +97,9 @@ BoxTree cut_space(std::vector<WeightedPoint> points, std::uint32_t boxes, const 
 // the same. Throws Error if no plane separates them.
 BoxTree tree_of(std::span<const Region> boxes);
 
+// The largest work over the mean; 1: all boxes have the same.
+double imbalance_of(const std::vector<double>& work);
+
 inline std::optional<std::uint32_t> BoxTree::only_box(const Bounds& bounds) const {
   for (std::uint32_t at = 0;;) {
     const Node& node = nodes_[at];

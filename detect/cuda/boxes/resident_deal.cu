@@ -50,7 +50,7 @@ double ResidentDetector::Work::expected_imbalance() const {
     work.push_back(density_[box_of(k)] *
                    static_cast<double>(std::accumulate(places_[k]->coming.begin(), places_[k]->coming.end(),
                                                        std::uint64_t(0))));
-  return cuda::imbalance_of(of_all(work));
+  return imbalance_of(of_all(work));
 }
 
 // A body counts with all of its spheres where its origin is.

@@ -220,7 +220,7 @@ void ResidentDetector::Work::finish() {
     report_.moved_bytes += d.moved_bytes;
   }
   known_density_ = true, report_.copies += body_spheres_;
-  report_.imbalance = imbalance_ = cuda::imbalance_of(work);
+  report_.imbalance = imbalance_ = imbalance_of(work);
   if (report_.cut) settled_imbalance_ = informed_ ? report_.imbalance : 1;
 }
 

@@ -31,13 +31,6 @@ struct Done {
   std::uint64_t contacts = 0, doubtful = 0, copies = 0, moved_bytes = 0;
 };
 
-// 1: all GPUs have the same work.
-inline double imbalance_of(const std::vector<double>& work) {
-  double sum = 0, most = 0;
-  for (const double w : work) sum += w, most = std::max(most, w);
-  return sum > 0 ? most * static_cast<double>(work.size()) / sum : 1;
-}
-
 }  // namespace cuda
 
 class ResidentDetector::Work {

@@ -2,6 +2,8 @@
 // The bins of a dense level in float: the description that kernels are given, and the formats of a slot.
 // bins.h makes them and computes keys. Internal; only .cu files include this.
 #pragma once
+#include <type_traits>
+
 #include "detect/core/grid.h"
 
 namespace padder::detect::cuda {
@@ -10,6 +12,13 @@ namespace padder::detect::cuda {
 // number, where all radii are one. Unequal: x, y, z, r in float. Fixed point: x, y, z as integers in units of
 // the level (grid.h) and r in float, for input in double and for bodies.
 enum class SlotKind : std::uint8_t { equal, unequal, fixed_point };
+// Calls f with the kind as a constant.
+template <class F>
+void with_kind(SlotKind kind, F f) {
+  if (kind == SlotKind::equal) f(std::integral_constant<SlotKind, SlotKind::equal>{});
+  if (kind == SlotKind::unequal) f(std::integral_constant<SlotKind, SlotKind::unequal>{});
+  if (kind == SlotKind::fixed_point) f(std::integral_constant<SlotKind, SlotKind::fixed_point>{});
+}
 
 // The bins of one level, computed in float (bins.h) where float is exact enough. Keys then follow from the
 // slots and are never stored.

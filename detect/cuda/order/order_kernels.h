@@ -78,12 +78,6 @@ __device__ __forceinline__ std::uint32_t code_for(const Grid& grid, std::uint32_
     return code_of<Kind>(l, FloatSlot{s.x, s.y, s.z, s.w});
 }
 
-template <class F>
-void with_kind(SlotKind kind, F f) {
-  if (kind == SlotKind::equal) f(std::integral_constant<SlotKind, SlotKind::equal>{});
-  if (kind == SlotKind::unequal) f(std::integral_constant<SlotKind, SlotKind::unequal>{});
-  if (kind == SlotKind::fixed_point) f(std::integral_constant<SlotKind, SlotKind::fixed_point>{});
-}
 // Calls f(kind, bins) with the bins that `o` goes by: those of the grid, or bins in float.
 template <class F>
 void with_bins(const Ordered& o, const Grid& grid, F f) {

@@ -41,12 +41,4 @@ void launch_unit_quotas(const SearchTask& task, const Grid& grid, const LevelPai
 unsigned resident_one_level(KernelFamily family, SlotKind kind, int processors);
 unsigned resident_several_levels(SlotKind kind, int processors);
 
-// Calls f with the kind as a constant.
-template <class F>
-void with_kind(SlotKind kind, F f) {
-  if (kind == SlotKind::equal) f(std::integral_constant<SlotKind, SlotKind::equal>{});
-  if (kind == SlotKind::unequal) f(std::integral_constant<SlotKind, SlotKind::unequal>{});
-  if (kind == SlotKind::fixed_point) f(std::integral_constant<SlotKind, SlotKind::fixed_point>{});
-}
-
 }  // namespace padder::detect::cuda
