@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Pads every link of a robot: a URDF in, a model of spheres out. padding/export/export.h writes the model.
+// Pads every link of a robot: a URDF or MJCF file in, a model of spheres out. padding/export/export.h writes the model.
 #pragma once
 #include <filesystem>
 
@@ -36,13 +36,12 @@ ReadResult read_link(const RobotLink& link, const std::filesystem::path& file,
                      const PadOptions& options = {});
 
 // The shapes of a link are one body: repair unites meshes, boxes and cylinders that overlap. A shape inside
-// another one bounds a cavity only if one of the link's shapes is a mesh. A link that has
-// only spheres keeps them unmeasured, and several spheres get no mass properties. `options` holds for each
-// link by itself: a Length::share() is of the link's own diagonal. Its family and mask are not used. Bounds
-// are against the shapes themselves, and not only against the polyhedra that stand for round ones. Links are
-// padded side by side on all threads, with the same result for any number of threads. model.apart lists
-// neighbours, and what self_collisions() finds. A step of `progress` is a link. Throws Error, which names
-// link and file.
+// another one bounds a cavity only if one of the link's shapes is a mesh. A link that has only spheres keeps
+// them unmeasured, and several spheres get no mass properties. `options` holds for each link by itself: a
+// Length::share() is of the link's own diagonal. Its family and mask are not used. Bounds are against the
+// shapes themselves, and not only against the polyhedra that stand for round ones. Links are padded side by
+// side on all threads, with the same result for any number of threads. model.apart lists neighbours, and what
+// self_collisions() finds. A step of `progress` is a link. Throws Error, which names link and file.
 PaddedRobot pad_robot(const std::filesystem::path& file, RobotTree robot, const PadOptions& options,
                       const RobotOptions& whole = {}, const PadProgress& progress = {});
 PaddedRobot pad_robot(const std::filesystem::path& file, const PadOptions& options,

@@ -18,8 +18,8 @@ std::vector<DeviceChoice> all_devices();
 // How to cut, and where to detect; the defaults make one box on one device.
 struct BoxOptions {
   // How each box is detected. `own` limits the contacts of the whole scene, `memory_limit` is for each
-  // detector on a GPU, `threads` are those of all detectors on the CPU together, and `stream`, `output` and
-  // the device are not read.
+  // detector, `threads` are those of all detectors on the CPU together, and `stream` and `output` are not
+  // read.
   CallOptions detector;
   // One detector and one thread each; the same one may be named more than once. Empty: one device, the first
   // GPU when there is one.
@@ -81,8 +81,7 @@ class BoxedDetector {
   // "omp" or "cuda"; "cuda and omp" where the devices are of both kinds.
   const char* backend() const;
 
-  // The same as for a Detector; not `backend` and `device`.
-  CallOptions& options();
+  CallOptions& options();  // BoxOptions::detector
 
  private:
   class Work;

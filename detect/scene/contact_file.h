@@ -24,10 +24,10 @@ namespace padder::detect {
 //
 // The file is written whole or not at all. The threads sort a part of the contacts, write it in blocks, and
 // go on with the next part. They hold less than 64 MiB beside the list, or a third of its bytes and 16 MiB if
-// that is more, and 8 bytes for each body. The disk begins with the first block. `threads` is as in Options;
-// at most 16 are used. Throws Error for another ending, for a pair that is not in the input, for other
-// memory, and when the file cannot be written. check_contact_ending() throws for another ending alone, before
-// there are any contacts.
+// that is more, and 8 bytes for each body. The disk begins with the first block. `threads` is as in
+// CallOptions; at most 16 are used. Throws Error for another ending, for a pair that is not in the input, for
+// other memory, and when the file cannot be written. check_contact_ending() throws for another ending alone,
+// before there are any contacts.
 void check_contact_ending(const std::filesystem::path& path);
 void write_contacts(const Contacts& contacts, const Input& input, const std::filesystem::path& path,
                     int threads = 0);

@@ -99,8 +99,9 @@ struct Mass {
 std::uint32_t add_body(System& system, std::uint32_t shape, const Mass& mass, const Vec3& center,
                        const Quaternion& orientation);
 
-// The largest step of time that `choose_step` would allow, and the one that it takes: parts of the duration
-// of a contact of the two movers that answer a push the fastest. Throws Error if nothing can move.
+// The longest step of time that is allowed, and the one that is taken where the scene gives none: parts of
+// the duration of a contact of the two movers that answer a push the fastest. Throws Error if nothing can
+// move.
 struct StepLimits {
   double longest = 0, chosen = 0;
 };

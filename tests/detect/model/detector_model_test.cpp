@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// State between calls: random sequences of calls on one detector, each call against an oracle
-// (model_oracle.h), and many against a fresh detector that is given the same scene.
+// State between calls: random sequences of calls on one detector, each call against an oracle (oracle.h), and
+// many against a fresh detector that is given the same scene.
 //
-// A sequence is drawn from a 64-bit seed (model_script.h). Between two calls the scene changes
-// (model_world.h), and so may the options, the type and layout of the arrays (model_input.h), the memory they
-// lie in, and the revision. Some calls are faulty. What is taken for the contract, of detector.h:
+// A sequence is drawn from a 64-bit seed (script.h). Between two calls the scene changes (world.h), and so
+// may the options, the type and layout of the arrays (input.h), the memory they lie in, and the revision.
+// Some calls are faulty. What is taken for the contract, of detector.h:
 // - The pairs are those of the oracle, each once, i < j. With Precision::float32 at most Contacts::doubtful
 // of
 //   them differ.

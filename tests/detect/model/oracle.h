@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Every contact of a scene of any size, written apart from the code under test: all pairs of a small scene, a
-// tree of boxes over a large one. Only the midpoint of Options::own is the detector's own (contact.h), for on
-// a face of the box each bit of it counts.
+// tree of boxes over a large one. Only the midpoint of CallOptions::own is the detector's own (contact.h),
+// for on a face of the box each bit of it counts.
 #pragma once
 #include <algorithm>
 #include <atomic>
