@@ -20,7 +20,7 @@ struct Body {
   std::uint32_t shape = 0;  // index in Input::shapes
   std::uint32_t family = 0, mask = 0;
   bool is_static = false;   // it does not move; two static bodies are never a contact
-  std::uint32_t world = 0;  // it meets bodies and spheres of this world, and of kEveryWorld; that meets all
+  std::uint32_t world = 0;  // it meets what is in this world or in kEveryWorld, which meets all
 };
 
 // Where a body is; the same members as in Body.
@@ -42,8 +42,8 @@ inline void set_pose(Body& body, const Pose& pose) {
 // length. Throws Error if it is 0, infinite or not a number; the caller adds where it came from. Host code.
 void rotation_of(double w, double x, double y, double z, double (&m)[9]);
 
-// A sphere of a body's shape where the body is. Both backends use this function, so they compute the same
-// bits.
+// Where a sphere of the shape is while the body stands at its pose. Both backends use this function, so they
+// compute the same bits.
 PADDER_HD Sphere placed(const Body& b, const Sphere& s) {
   const double* m = b.rotation;
   return {add(add(add(mul(m[0], s.x), mul(m[1], s.y)), mul(m[2], s.z)), b.position[0]),

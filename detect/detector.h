@@ -30,8 +30,7 @@ struct Spheres {
   Scalar scalar = Scalar::f32;
   Memory memory = Memory::host;
   const void* centers = nullptr;  // x, y, z of sphere k begin at k * center_stride
-  const void* radii =
-      nullptr;  // the radius of sphere k is at k * radius_stride; stride 0: one radius for all
+  const void* radii = nullptr;    // that of sphere k is at k * radius_stride; stride 0: one radius for all
   std::uint32_t center_stride = 3, radius_stride = 1;
   const std::uint32_t* family = nullptr;  // null: family 0 for all
   const std::uint32_t* mask = nullptr;    // null: mask 0 for all
@@ -70,8 +69,8 @@ struct Input {
   //
   // Nothing else is compared with the previous call, so a change there may or may not be seen. Give a new
   // revision when anything else changes: a shape, a family, a mask, a static pose or sphere, the number of
-  // bodies. 0 equals no revision. After a call that threw, the next call reads everything. The rule is the
-  // same on every path and backend.
+  // bodies. A revision of 0 equals none, not even another 0. After a call that threw, the next call reads
+  // everything. The rule is the same on every path and backend.
   std::uint64_t revision = 0;
   // The bodies that have moved since the previous call; read only if the revision is that of the previous
   // call. In host memory.
@@ -208,9 +207,10 @@ struct Contacts {
   const void* points = nullptr;   // Points<float> or Points<double> by `scalar`; null unless Width::points
   // For each contact the index of the same pair of numbers in the list of the call before, or kNoContact.
   // That list is empty for the first call, and after a call that left no contacts: one that threw, stages()
-  // and detect_worlds(). So the caller's data of a contact, as friction's memory, can follow it from list to
-  // list, whatever their orders. The pair counts and nothing else: a caller who gives a sphere another number
-  // has other pairs. The call before need not have asked for a history. Null unless CallOptions::history.
+  // and detect_worlds(). So the caller can carry the data of a contact, such as the stretch of a friction
+  // spring, from list to list, whatever their orders. Only the two numbers count: if the caller gives a
+  // sphere another number, its pairs are other pairs. The call before need not have asked for a history. Null
+  // unless CallOptions::history.
   const std::uint32_t* history = nullptr;
   // Pairs that float arithmetic cannot decide. With Precision::float32, each of these may be missing from the
   // list or be in it wrongly, and no other pair may: the list differs from that of Precision::exact by at

@@ -9,8 +9,8 @@ namespace padder::detect {
 struct Filter {
   std::uint32_t family = 0;  // 0: the sphere is in no family
   std::uint32_t mask = 0;    // bit k: no contact with family k + 1; families above 32 cannot be masked
-  std::uint32_t owner =
-      0;  // 0 for a loose sphere, else 1 + the number of its body; plus kStatic if it is static
+  // 0 for a loose sphere, else 1 + the number of its body; plus kStatic if it is static.
+  std::uint32_t owner = 0;
 };
 // The bit of Filter::owner that marks static spheres.
 inline constexpr std::uint32_t kStatic = 1u << 31;

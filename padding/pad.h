@@ -59,9 +59,9 @@ struct PadReport {
 struct Padded {
   Cluster cluster;
   PadReport report;
-  // The surface whose triangles cluster.triangle counts, in the input's frame and unit: the remeshed one by
-  // depth ratio; by tolerance the repaired one, or the input where it had to be wrapped. write_mesh
-  // (padding/meshing/write_mesh.h) writes it.
+  // cluster.triangle holds indices of triangles of this surface, which is in the input's frame and unit: by
+  // depth ratio the remeshed one; by tolerance the repaired one, or the input where it had to be wrapped.
+  // write_mesh (padding/meshing/write_mesh.h) writes it.
   Mesh mesh;
   std::vector<Mark> marks;  // what repair did, to be shown; in the input's frame and unit
 };

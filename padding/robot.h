@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Pads every link of a robot: a URDF or MJCF file in, a model of spheres out. padding/export/export.h writes the model.
+// Pads every link of a robot: a URDF or MJCF file in, a model of spheres out. padding/export/export.h writes
+// the model.
 #pragma once
 #include <filesystem>
 
@@ -12,7 +13,7 @@ namespace padder {
 struct PaddedRobot {
   Model model;  // in metres; each cluster in its link's frame, with the families of keep_neighbours_apart
   std::vector<PadReport> reports;  // one for each body; left empty for links that were not padded
-  std::vector<char> kept;          // for each body: its shapes are spheres, which are as they were
+  std::vector<char> kept;          // for each body: were its shapes spheres, which stay as they were?
   std::vector<Mesh> meshes;        // for each body what was padded, in the link's frame
   double tolerance = 0;            // that RobotOptions::max_spheres led to; 0: not asked for
   std::vector<std::string> notes;

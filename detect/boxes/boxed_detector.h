@@ -44,7 +44,8 @@ struct BoxReport {
   bool cut = false;                // space was cut anew in this call
   double imbalance = 0;            // work of the box with the most over the mean; work: spheres plus contacts
   std::uint64_t memory = 0;        // bytes held at most, where BoxOptions::memory_limit counts
-  // Wall time of the three parts. GPUs detect while other boxes are copied: what detection takes beyond that.
+  // Wall time of the three parts. GPUs detect while other boxes are copied, so `detect_seconds` counts only
+  // what detection takes beyond the copying.
   double cut_seconds = 0, copy_seconds = 0, detect_seconds = 0;
 };
 
@@ -55,12 +56,12 @@ struct BoxReport {
 // (scene/sphere_file.h). The arrays of the loose spheres may begin at any address. There may be more than
 // 2^32 - 2 spheres. Input::revision, `moved` and `poses` mean what they mean to a Detector.
 //
-// Every function throws Error with the sentence of a Detector where the input is at fault, and with one that
-// names the device where a detector fails. The object stays usable. One that was moved from may only be
-// assigned to or destroyed.
+// If the input is at fault, every function throws the Error that a Detector would throw. If a detector fails,
+// the Error names its device. The object stays usable. One that was moved from may only be assigned to or
+// destroyed.
 class BoxedDetector {
  public:
-  // Throws Error when a device is not to be had.
+  // Throws Error if a device is not available.
   explicit BoxedDetector(const BoxOptions& options = {});
   ~BoxedDetector();
   BoxedDetector(BoxedDetector&&) noexcept;
@@ -72,7 +73,7 @@ class BoxedDetector {
 
   // Hands every contact to `consumer`, each once, a batch at a time: for lists that memory does not hold, and
   // for scenes of any size. Within a box the order is CallOptions::order; boxes come as they are done. An
-  // empty consumer only counts. A call that throws may have delivered a part before.
+  // empty consumer only counts. A call that throws may have delivered some contacts.
   const BoxReport& detect(const Input& input, const ContactConsumer& consumer);
 
   const BoxReport& report() const;  // of the last call

@@ -30,7 +30,7 @@ struct ContactBatch {
   Width width = Width::pairs;
   Scalar scalar = Scalar::f32;
   const void* normals = nullptr;  // Normal<float> or Normal<double> of each pair; null for Width::pairs
-  const void* points = nullptr;   // Points<float> or Points<double> of each pair; null but for Width::points
+  const void* points = nullptr;   // Points<float> or Points<double> of each pair; null unless Width::points
 };
 
 // Takes the contacts. It is called by one thread at a time, but not always by the same one. What it throws

@@ -26,7 +26,7 @@ struct Delivery {
 
 class DeviceWorker {
  public:
-  // Throws Error when the device is not to be had.
+  // Throws Error if the device is not available.
   explicit DeviceWorker(const DeviceChoice& device);
 
   bool on_host() const { return on_host_; }

@@ -42,13 +42,14 @@ struct ResidentReport {
   double upload_seconds = 0, deal_seconds = 0, detect_seconds = 0;  // wall time of the parts
 };
 
-// The numbers in the scene of the spheres among which one GPU found contacts. A kernel on that GPU takes it
-// by value.
+// Gives the numbers in the scene of the spheres among which one GPU found contacts. A kernel on that GPU
+// takes it by value.
 struct ResidentNumbers {
-  std::uint64_t same = ~std::uint64_t(0);  // up to so many, the two numbers are the same
-  std::uint64_t before = 0, own = 0;       // how many follow from other GPUs, and then of the GPU's own part
-  std::uint64_t first_own = 0;             // of these the first one's number in the scene
-  const std::uint64_t* others = nullptr;  // numbers of those from other GPUs, also behind the own; on the GPU
+  std::uint64_t same = ~std::uint64_t(0);  // below it, a number here is that in the scene
+  std::uint64_t before = 0, own = 0;       // then so many from other GPUs, then so many of the GPU's own part
+  std::uint64_t first_own = 0;             // the number in the scene of the first of its own
+  // The numbers of all that come from other GPUs, before and behind its own; in the memory of the GPU.
+  const std::uint64_t* others = nullptr;
   PADDER_HD std::uint64_t of(std::uint32_t k) const {
     if (k < same) return k;
     const std::uint64_t loose = k - same;
@@ -74,12 +75,12 @@ struct ResidentPoses {
 };
 
 // Keeps its cut, its detectors and their memory from call to call. Space is cut anew when the work of the
-// heaviest GPU exceeds the mean by a tenth. Not for two threads at once. Every function throws Error, with
-// the sentence of a Detector where a sphere is at fault, and with one that names the GPU where that fails;
-// the object stays usable. What fails on one rank fails on all, with the same sentence.
+// heaviest GPU exceeds the mean by a tenth. Not for two threads at once. If a sphere is at fault, every
+// function throws the Error that a Detector would throw. If a GPU fails, the Error names it. The object stays
+// usable. What fails on one rank fails on all, with the same sentence.
 class ResidentDetector {
  public:
-  // Throws Error when a GPU is not to be had, and in a build without CUDA.
+  // Throws Error if a GPU is not available, and in a build without CUDA.
   explicit ResidentDetector(const ResidentOptions& options = {});
   ~ResidentDetector();
   ResidentDetector(ResidentDetector&&) noexcept;
@@ -90,16 +91,17 @@ class ResidentDetector {
   // part 0, then those of part 1, and so on; a rank gives its own part alone, and those of rank 0 come first.
   // Each part has below 2^32 - 1 spheres; all are in float or all in double. Which spheres a part holds is
   // the caller's choice, but those outside of region(k) travel, and the part is copied if they are more than
-  // an eighth; else it is read where it lies. Work given to the default streams of the GPUs before the call
-  // is waited for.
+  // an eighth; else it is read where it lies. The call waits for work that was given to the default streams
+  // of the GPUs before.
   const ResidentReport& detect(std::span<const Spheres> parts);
 
-  // The same for a scene with bodies; no part needs to have a sphere. `bodies` has no loose spheres. All GPUs
-  // know all bodies, and each leaves out those that its region does not meet: give a revision, or they are
-  // copied and divided into pieces in every call. poses[k] are on GPU k: those of the first bodies on the
-  // first GPU, those that follow on the second, and so on, for all bodies together. No `poses`: those of
-  // `bodies`, in host memory, as for a Detector. The spheres of bodies have the first numbers of the scene.
-  // All ranks give the same bodies, of which only the numbers are compared, and each its part of the poses.
+  // The same for a scene with bodies. `bodies` has no loose spheres, and parts may be empty. Every GPU knows
+  // all bodies and leaves out those that its region does not meet. Give a revision: without one, every call
+  // copies the bodies and divides them into pieces. poses[k] lies on GPU k: the poses of the first bodies on
+  // the first GPU, those of the next on the second, and so on, one pose for each body. Without `poses`, those
+  // of `bodies` in host memory count, as for a Detector. The spheres of bodies are numbered before the loose
+  // ones. All ranks give the same bodies, of which only the counts are compared, and each rank its part of
+  // the poses.
   const ResidentReport& detect(std::span<const Spheres> parts, const Input& bodies,
                                std::span<const ResidentPoses> poses = {});
 

@@ -14,7 +14,7 @@
 namespace padder::detect {
 
 // One file as a ContactWriter makes it, with the records of all ranks: in the order in which they were found,
-// which is another one in every run. The folder must be the same on all machines. Constructor and finish()
+// which differs from run to run. The folder must be the same on all machines. Constructor and finish()
 // are collective. Until finish() the file grows under another name beside its own; without it nothing is
 // left, and remove_unfinished_files() removes it, too (padding/asset/file.h).
 class RankContactFile {

@@ -47,7 +47,7 @@ struct RankReport {
 // the calls.
 class RankDetector {
  public:
-  // `ranks` is duplicated. Throws Error when a device is not to be had.
+  // `ranks` is duplicated. Throws Error if a device is not available.
   explicit RankDetector(MPI_Comm ranks, const RankOptions& options = {});
   ~RankDetector();
   RankDetector(RankDetector&&) noexcept;
@@ -55,10 +55,10 @@ class RankDetector {
 
   // Each rank passes its part of the scene, whichever spheres and bodies these are: the scene has the bodies
   // of rank 0, those of rank 1 and so on, and then the loose spheres in the same way. All ranks pass the same
-  // shapes. What lies in a rank's own box already needs no message, so a simulation does well to keep it
-  // there; region() tells the box. `consumer` gets the contacts that this rank found, with the numbers of the
-  // scene; an empty one only counts. Everything must lie in host memory. Input::revision, `moved` and `poses`
-  // mean for the part what they mean to a Detector.
+  // shapes. What lies in its rank's own box needs no message, so a simulation should keep it there; region()
+  // tells the box. `consumer` gets the contacts that this rank found, with the numbers of the scene; an empty
+  // one only counts. Everything must lie in host memory. Input::revision, `moved` and `poses` mean for the
+  // part what they mean to a Detector.
   const RankReport& detect(const Input& part, const ContactConsumer& consumer);
 
   const RankReport& report() const;  // of the last call

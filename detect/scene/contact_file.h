@@ -8,7 +8,8 @@
 
 namespace padder::detect {
 
-// Writes the contacts of `input`, in any order, whose pairs lie in host memory. The file's ending says how:
+// Writes the contacts of `input`. They may be in any order, and their pairs must lie in host memory. The
+// file's ending says how:
 //
 // .csv: header i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz (the deepest point of i, then of j), as many digits of
 //       each number as give the same double back
@@ -24,7 +25,7 @@ namespace padder::detect {
 //
 // The file is written whole or not at all. The threads sort a part of the contacts, write it in blocks, and
 // go on with the next part. They hold less than 64 MiB beside the list, or a third of its bytes and 16 MiB if
-// that is more, and 8 bytes for each body. The disk begins with the first block. `threads` is as in
+// that is more, and 8 bytes for each body. The disk starts to write with the first block. `threads` is as in
 // CallOptions; at most 16 are used. Throws Error for another ending, for a pair that is not in the input, for
 // other memory, and when the file cannot be written. check_contact_ending() throws for another ending alone,
 // before there are any contacts.

@@ -31,8 +31,7 @@ LooseSpheres loose_from(const std::vector<FloatSphere>& spheres);
 LooseSpheres loose_from(const Spheres& spheres);
 
 // Reads .npz: the arrays `centers` (N, 3) and `radii` (N), and, if they are there, `family`, `mask` and
-// `world` (N).
-// The spheres are in float if both arrays are float32. Throws Error that names the array.
+// `world` (N). The spheres are in float if centres and radii are float32. Throws Error that names the array.
 LooseSpheres loose_from_npz(std::string_view bytes, const std::string& where);
 
 // Reads .csv, in double: a header x,y,z,r, which may go on with family and mask, and then a line for each

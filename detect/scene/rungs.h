@@ -15,8 +15,8 @@ namespace padder::detect {
 // A ball around spheres, about the middle of their box. Without spheres a point at the origin.
 Sphere ball_around(std::span<const Sphere> spheres);
 
-// One cover of a part. Both errors are proved bounds against the part's surface: no sphere reaches farther
-// out of it than `protrusion`, and no point of it is farther from a sphere than `gap`. Infinite: not proved.
+// One cover of a part. Both errors are proved bounds: no sphere reaches farther out of the part than
+// `protrusion`, and no point of its surface is farther from the spheres than `gap`. Infinite: not proved.
 struct Rung {
   std::vector<Sphere> spheres;
   double protrusion = std::numeric_limits<double>::infinity();
@@ -49,9 +49,8 @@ struct RungChoice {
   // are left out.
   std::uint64_t finest = 0, taken = 0, out_of_reach = 0;
   std::uint64_t left_out = 0;  // bodies that nothing can touch
-  std::uint64_t fewer =
-      0;             // bodies without a rung of the number that was asked for: they take their coarsest
-  double error = 0;  // the largest error_between() of a body's rung; infinite: not proved
+  std::uint64_t fewer = 0;     // bodies that have no rung of the number asked for and take their coarsest
+  double error = 0;            // the largest error_between() of a body's rung; infinite: not proved
 };
 
 // For a scene that stands still: a body's partners are the bodies and loose spheres whose bounding balls come

@@ -68,8 +68,8 @@ Scene pile_of(const Cluster& cluster, std::uint64_t n);
 // mapped only if they are one file, .npy or .npz, without other tags. BoxedDetector takes such a scene.
 enum class LooseAs : std::uint8_t { memory, mapped };
 
-// Reads a scene, or a cluster, of which it makes a pile of `copies`. 0: the user gave no number; then a
-// cluster is one body. A file of spheres (.npy, .npz) is a scene, too, and is always mapped.
+// Reads a scene, or a cluster, which becomes a pile of `copies` bodies, or one body if `copies` is 0 (the
+// user gave no number). A file of spheres (.npy, .npz) is a scene, too, and is always mapped.
 Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t copies,
                             LooseAs loose = LooseAs::memory);
 // The same from a JSON text; `where` names it in errors, and the files that it names are relative to

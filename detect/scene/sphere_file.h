@@ -18,8 +18,8 @@ namespace padder::detect {
 //   float32 nor both float64 are converted to double and held: 32 bytes for each sphere. So are families,
 //   masks and worlds of another type than uint32: 4 bytes for each number.
 // Of all else the constructor reads the heads alone; check() reads everything. Both throw Error, which names
-// the file: for any other file, and for one that is damaged. The file must not be shortened while it is
-// mapped: reading what is no longer there raises SIGBUS.
+// the file, if it has another form or is damaged. The file must not be shortened while it is mapped: reading
+// what is no longer there raises SIGBUS.
 class SphereFile {
  public:
   explicit SphereFile(const std::filesystem::path& path);

@@ -32,8 +32,8 @@ struct Accuracy {
   double volume_ratio = 0;  // volume of the union over the volume of the body; 0 for a sheet
   double protrusion_bound = 0, gap_bound = 0;  // upper bounds against the input, whatever repair did to it
   double wrap_distance = 0;  // no point of the wrap is farther from the input; 0 unless wrapped
-  // What counts as body in the proof: what the input encloses; with the patches over its holes; or with all
-  // that a wrap around it encloses. protrusion_max and gap_max are the bounds. For `none` (an open sheet)
+  // What counts as body in the proof: what the input encloses, what it encloses with patches over its holes,
+  // or what a wrap around it encloses. protrusion_max and gap_max are the bounds. For `none` (an open sheet)
   // gap_max and gap_bound are proved, protrusion_max is sampled and protrusion_bound is an estimate.
   SurfaceKind proved_against = SurfaceKind::none;
   bool certified = false;  // both bounds are proved, and within what was asked for

@@ -64,7 +64,7 @@ class FileWriter {
   void append(std::string_view bytes);
   void write_at(std::uint64_t offset, std::string_view bytes);
   // Takes room on the disk for the first `bytes` of the file, all of which must be written. Writing is then
-  // twice as fast where it jumps between places of a large file, and a full disk is told before the work.
+  // twice as fast where it jumps between places of a large file, and a full disk throws before the work.
   // Does nothing where the file system has no such request.
   void reserve(std::uint64_t bytes);
   // Asks the system to begin writing what it holds of these bytes of the file. It waits only while the disk

@@ -34,10 +34,9 @@ struct CoverMeshOptions {
 // * the mass properties of the body at density 1;
 // * the accuracy. accuracy.certified says that this is proved: no sphere stands out of the body by more than
 //   the tolerance (protrusion_max), and no point of the surface lies outside the union of the spheres by more
-//   (gap_max); with a gap of 0, no point of the body does. It is false only when a radius limit left some of
-//   the surface open, when a part of the mesh faces inward, or when no sphere inside of the body comes near
-//   enough, with a protrusion of 0, as where two of its sides lie on each other. docs/tolerance.md has the
-//   proofs.
+//   (gap_max); with a gap of 0, no point of the body does. It is false only if a radius limit left some of
+//   the surface open, if a part of the mesh faces inward, or if, with a protrusion of 0, no sphere inside the
+//   body comes near enough, as where two of its sides lie on each other. docs/tolerance.md has the proofs.
 //
 // The same mesh and options give the same cluster bit for bit, for any number of threads.
 //

@@ -55,11 +55,10 @@ double wrap_alpha(const RepairOptions& options, double diagonal);
 
 // A closed mesh that meets itself nowhere is kept as it is, turned outward (CGAL's Polygon Mesh Processing).
 // Everything else is mended (mend.h): its triangles stay where they are, unless their corners are joined
-// (RepairSteps::joined), and the body is where their winding
-// number is above 0. Only a wrap replaces the surface, with CGAL's 3D Alpha Wrapping (Portaneri,
-// Rouxel-Labbé, Hemmer, Cohen-Steiner, Alliez: Alpha wrapping with an offset, 2022). A wrap encloses the
-// input. Its surface lies outside it by at most the offset, except in slots and creases narrower than 2
-// alpha.
+// (RepairSteps::joined), and the body is where their winding number is above 0. Only a wrap replaces the
+// surface, with CGAL's 3D Alpha Wrapping (Portaneri, Rouxel-Labbé, Hemmer, Cohen-Steiner, Alliez: Alpha
+// wrapping with an offset, 2022). A wrap encloses the input. Its surface lies outside it by at most the
+// offset, except in slots and creases narrower than 2 alpha.
 //
 // Deterministic. Throws Error, with `name` in the sentence, when no triangle has an area, and in mode `never`
 // when the mesh is not manifold and oriented, or when too many triangles cross. Cost: about n log n, and some

@@ -11,12 +11,11 @@ namespace padder {
 
 // How a page opens.
 struct PageOptions {
-  double azimuth = -60,
-         elevation = 30;  // degrees: from where the camera looks at the middle when the page opens
-  char up = 'z';          // 'x', 'y' or 'z': the axis that points up
-  std::size_t rung = 0;   // the level of detail it opens with
-  ColourBy colour = ColourBy::family;  // and the colours
-  std::filesystem::path script;        // the template; empty: page_script()
+  double azimuth = -60, elevation = 30;  // degrees: from where the camera looks at the middle
+  char up = 'z';                         // 'x', 'y' or 'z': the axis that points up
+  std::size_t rung = 0;                  // the level of detail
+  ColourBy colour = ColourBy::family;
+  std::filesystem::path script;  // the template; empty: page_script()
 };
 
 // The page without data. It is share/padder/page.html beside the running program's folder when installed, and
@@ -34,8 +33,8 @@ std::string page_html(const View& view, const PageOptions& options = {});
 void write_page(const View& view, const std::filesystem::path& path,
                 const PageOptions& options = {});  // whole or not at all
 
-// A page or a picture, by the ending of the path: .html or .png. But for the colours, everything is as it is
-// by default. Throws Error.
+// A page or a picture, by the ending of the path: .html or .png. All options but the colours have their
+// defaults. Throws Error.
 bool is_preview(const std::filesystem::path& path);  // has it one of the two?
 void write_preview(const View& view, const std::filesystem::path& path, ColourBy colour = ColourBy::family);
 

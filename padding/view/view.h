@@ -40,8 +40,8 @@ struct ViewRung {
 };
 
 // The gap of the mesh to the spheres at every point of it, finely enough to be drawn. The triangles of `mesh`
-// divide those of the view's mesh, whose points come first; inside one the gap is interpolated from its
-// corners, and is a few hundredths of the largest error off.
+// divide those of the view's mesh, whose points come first. Inside one, the gap is interpolated between its
+// corners, which is right to a few hundredths of the largest error.
 struct ErrorMap {
   Mesh mesh;
   // By level of detail, for each point: BallSet::gap. Above 0 the point lies so far outside the spheres.
@@ -62,7 +62,7 @@ struct View {
   std::vector<std::uint32_t> family;   // N; 0: none
   std::vector<std::int64_t> triangle;  // may be empty
   std::vector<float> protrusion;       // may be empty: how far the sphere can stand out of the mesh
-  std::vector<float> gap;           // may be empty: the largest of the surface that the sphere is nearest to
+  std::vector<float> gap;           // may be empty: the largest gap of surface that is nearest to the sphere
   ErrorMap errors;                  // may be empty
   std::vector<std::uint32_t> body;  // may be empty: index into bodies; bodies.size() for a loose sphere
   std::vector<ViewBody> bodies;     // of a scene

@@ -6,12 +6,10 @@
 // may the options, the type and layout of the arrays (input.h), the memory they lie in, and the revision.
 // Some calls are faulty. What is taken for the contract, of detector.h:
 // - The pairs are those of the oracle, each once, i < j. With Precision::float32 at most Contacts::doubtful
-// of
-//   them differ.
+//   of them differ.
 // - hash() is the sum over the pairs, and 0 after a call that threw and after stages().
 // - With Order::stable the list, normals and points are bit for bit those of a fresh detector, and of the
-// same
-//   call again.
+//   same call again.
 // - Contacts says what was asked for: spheres, memory (host with OpenMP), width, scalar. What was not asked
 //   for is null. Normals and points are those of the spheres: 4e-7 relative in float, 1e-14 in double.
 // - Under the revision of the call before, a body that is neither named in `moved` nor has a pose in `poses`
