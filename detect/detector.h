@@ -108,7 +108,7 @@ enum class BackendKind : std::uint8_t { automatic, omp, cuda };
 using Choice [[deprecated("use BackendKind")]] = BackendKind;
 // The algorithm that finds the contacts. Both find the same ones.
 enum class Path : std::uint8_t {
-  grid,         // sorts the spheres by cell once and searches neighbouring cells
+  grid,         // sorts the spheres by bin once and searches neighbouring bins
   nine_stages,  // the nine stages of the paper, as a reference
   fast [[deprecated("use Path::grid")]] = grid
 };
@@ -158,7 +158,7 @@ struct CallOptions {
   // spheres, or from differences of other spheres that are taken in double.
   Scalar scalar = Scalar::f32;
   Memory output = Memory::host;       // where the list of contacts is to lie
-  double bin_size = 0;                // edge of the (finest) cells; 0: chosen by the rule of section 2.2.1
+  double bin_size = 0;                // edge of the (finest) bins; 0: chosen by the detector
   Bodies bodies = Bodies::automatic;  // the contacts are the same either way
   Region own;                         // only contacts whose midpoint lies inside are reported
   // All pairs whose gap is at most this are contacts, not only those that touch; the depth of a pair that
@@ -300,7 +300,7 @@ class Detector {
   Arrays stages(const Input& input);
 
   const char* backend() const;  // "omp" or "cuda"
-  // Bytes that the detector holds for spheres, cells, pairs, contacts and answers, in all threads. After a
+  // Bytes that the detector holds for spheres, bins, pairs, contacts and answers, in all threads. After a
   // call this is at most CallOptions::memory_limit. Not counted: what describes shapes, bodies and static
   // spheres on the host, and, with the CUDA backend, lists that were copied to the host.
   std::uint64_t memory() const;

@@ -42,7 +42,7 @@ struct PadReport {
   std::vector<std::string> notes;     // what reading left out or changed (ReadResult::notes)
   std::vector<std::string> warnings;  // one sentence each, about what was probably not meant
   std::string reason;                 // why the cluster is not certified, in words; empty when it is
-  double grid_entries = 0;  // of the spheres in the detector's grid, with cells as wide as the largest sphere
+  double grid_entries = 0;  // of the spheres in the detector's grid, with bins as wide as the largest sphere
   double diagonal = 0;      // of the input's bounding box
   double buried = 0;  // share of the input's surface that nothing outside can touch, so it stays uncovered
   BodyKind kind = BodyKind::solid;

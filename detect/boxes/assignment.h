@@ -77,8 +77,9 @@ struct Numbering {
   std::uint64_t body = 0, body_sphere = 0, loose = 0;
 };
 
-// Of the spheres of one scene. Keeps a view of the input, which must outlive it. The poses of the input must
-// stand in its bodies (Input::poses null), and everything must lie in host memory.
+// Which boxes the spheres and bodies of one scene go to. Keeps a view of the input, which must outlive it.
+// The poses of the input must stand in its bodies (Input::poses null), and everything must lie in host
+// memory.
 class Assignment {
  public:
   // Reads all spheres once. Throws Error for the first that is faulty; its sentence is the Detector's.

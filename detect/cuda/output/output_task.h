@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// What a kernel needs to write contacts: the spheres in the order of their cells, the list, and the
+// What a kernel needs to write contacts: the spheres in the order of their bins, the list, and the
 // bookkeeping that gives a list of stable order its output slots. Only .cu files include this.
 //
 // A producer is what reserves output slots together: a tile of spheres, or a unit (spheres of one level that
@@ -94,7 +94,7 @@ struct OutputTask {
   float radius_f32 = 0;
 };
 
-// ---- The spheres as the search reads them. `index` counts spheres in the order of their cells; `id` is a
+// ---- The spheres as the search reads them. `index` counts spheres in the order of their bins; `id` is a
 // sphere's number in the input.
 template <SlotKind Kind>
 struct SlotOf {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The narrow phase: float decides where it is sure, double where it is not; then filter, owner and cell are
+// The narrow phase: float decides where it is sure, double where it is not; then filter, owner and bin are
 // asked. Only .cu files include this.
 #pragma once
 #include "detect/cuda/device/ptx.h"
