@@ -30,7 +30,7 @@ int main() try {
   input.spheres = pd::spheres_of(lattice.size(), device, device + 3, pd::Memory::device);
   input.spheres.center_stride = input.spheres.radius_stride = 4;  // x, y, z, r of each sphere lie together
 
-  pd::Options options;
+  pd::CallOptions options;
   options.output = pd::Memory::device;
   options.width = pd::Width::pairs;
   pd::Detector detector(options);
