@@ -129,6 +129,6 @@ PADDER_HD bool reports(const StageGrid& g, std::uint64_t bin, const Sphere& i, c
 // The grid with the bin size of section 2.2.1: twice the largest radius, or three times the mean radius if
 // radii differ widely. It is larger where array B would have more than about 64 entries for each sphere. A
 // `bin_size` above 0 is taken as it is; throws Error if it is far too small.
-StageGrid choose_stage_grid(const Summary& s, double bin_size, double margin = 0);
+StageGrid choose_stage_grid(const Summary& s, double bin_size, double margin);
 
 }  // namespace padder::detect

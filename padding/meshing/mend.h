@@ -29,6 +29,6 @@ std::optional<Repaired> mend(const Mesh& input, const RepairOptions& options, st
 
 // The same for one closed piece that faces outward (one_closed_piece() of pieces.h).
 std::optional<Repaired> mend_piece(std::shared_ptr<const Surface> piece, const RepairOptions& options,
-                                   std::string* why_not = nullptr);
+                                   std::string* why_not);
 
 }  // namespace padder

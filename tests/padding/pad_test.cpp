@@ -13,10 +13,10 @@ namespace {
 
 using shapes::joined;
 
-ReadResult as_file(const Mesh& mesh, const std::string& name = "part.obj") {
+ReadResult as_file(const Mesh& mesh) {
   ReadResult file;
   file.mesh = mesh;
-  file.source.file = name;
+  file.source.file = "part.obj";
   file.source.triangles = mesh.triangles.size();
   return file;
 }

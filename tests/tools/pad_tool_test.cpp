@@ -566,7 +566,7 @@ TEST_F(Pad, TheAssetsPadAsTheFirstCommandSays) {
 class PadData : public Pad {
  protected:
   // Within 60 s and 4 GiB.
-  void expect_cluster_or_sentence(const fs::path& mesh, const std::string& options = "") {
+  void expect_cluster_or_sentence(const fs::path& mesh, const std::string& options) {
     SCOPED_TRACE(mesh.string());
     const Outcome run = pad("'" + mesh.string() + "' --json -o out.spheres.json " + options, limits);
     if (run.code == 1) {

@@ -3,7 +3,6 @@
 #pragma once
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <vector>
 
@@ -39,7 +38,7 @@ struct OuterCells {
 // Of a thousand triangles that all cross each other, each is cut along a thousand lines, which cross at half
 // a million places: `limit` is for the sum of them.
 OuterCells outer_cells(const Surface& soup, const std::vector<TriangleRole>& roles, const Contacts& contacts,
-                       std::size_t limit = std::numeric_limits<std::size_t>::max());
+                       std::size_t limit);
 
 // --- The step that cuts one triangle along segments (cut_triangle.cpp) ---
 

@@ -164,7 +164,7 @@ Body body_at(const double (&p)[3], std::uint32_t shape, std::mt19937_64& random)
 }
 
 // Two shapes of some spheres, an empty one, a rod that reaches through many boxes, and loose grains between.
-Bodied bodied(std::uint64_t seed, int count = 200) {
+Bodied bodied(std::uint64_t seed) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> unit(0, 1);
   Bodied s;
@@ -173,7 +173,7 @@ Bodied bodied(std::uint64_t seed, int count = 200) {
   for (int k = 0; k < 150; k++) s.spheres[1].push_back({2 * unit(random), 0.3 * unit(random), 0, 0.05});
   for (int k = 0; k < 300; k++) s.spheres[2].push_back({0.1 * k, 0, 0, 0.1});
   for (const auto& v : s.spheres) s.shapes.push_back({v.data(), v.size()});
-  for (int k = 0; k < count; k++) {
+  for (int k = 0; k < 200; k++) {
     const double p[3] = {12 * unit(random), 5 * unit(random), 5 * unit(random)};
     Body b = body_at(p, static_cast<std::uint32_t>(k % 2), random);
     if (k % 11 == 0) b.shape = 3;

@@ -27,7 +27,7 @@ class MjcfTest : public ExportTest {
   }
 
   // Sets random values in MuJoCo and in ours, and compares each shape's place.
-  static void expect_as_in_mujoco(const fs::path& file, int poses = 20) {
+  static void expect_as_in_mujoco(const fs::path& file) {
     SCOPED_TRACE(file.string());
     char error[1000] = "";
     mjModel* m = mj_loadXML(file.c_str(), nullptr, error, sizeof error);
@@ -37,7 +37,7 @@ class MjcfTest : public ExportTest {
     constexpr std::uint64_t seed = 7;
     std::mt19937_64 random(seed);
     std::size_t compared = 0;
-    for (int pose = 0; pose < poses; pose++) {
+    for (int pose = 0; pose < 20; pose++) {
       mj_resetData(m, d);
       std::vector<double> values(robot.links.size());
       for (std::size_t k = 0; k < values.size(); k++) {

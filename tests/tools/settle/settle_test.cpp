@@ -29,10 +29,10 @@ System empty_system(double friction = 0.5, double restitution = 0.6) {
 Wall floor_with(double friction) { return {Wall::Kind::plane, {0, 0, 0}, {0, 0, 1}, 0, friction}; }
 
 // Grains on a jittered lattice of nx ny nz places, from the floor up.
-System heap(int nx, int ny, int nz, std::uint64_t seed, double friction = 0.5) {
-  System s = empty_system(friction);
-  s.walls.push_back(floor_with(friction));
-  s.walls.push_back({Wall::Kind::cylinder, {0, 0, 0}, {0, 0, 1}, 0.0165 * (nx + 1), friction});
+System heap(int nx, int ny, int nz, std::uint64_t seed) {
+  System s = empty_system();
+  s.walls.push_back(floor_with(0.5));
+  s.walls.push_back({Wall::Kind::cylinder, {0, 0, 0}, {0, 0, 1}, 0.0165 * (nx + 1), 0.5});
   detect::SplitMix64 random(seed);
   for (int z = 0; z < nz; z++)
     for (int y = 0; y < ny; y++)
