@@ -266,17 +266,21 @@ Summary gathered(Summary s) {
 }
 
 // The octaves that hold spheres, from the finest to the coarsest. While there are more than there can be
-// levels, those two neighbours become one run that together would test the fewest pairs of their own.
+// levels, those two neighbours become one run that together would test the fewest pairs of their own: if the
+// spheres of each octave were spread evenly over its bounds, but for a millionth of them that lie as close
+// as they can. A heap among lone spheres of its size looks thin by the bounds.
 std::vector<Run> populated(const Summary& s) {
+  constexpr double close = 1e-6;
   std::vector<Run> runs;
   for (int o = kOctaves - 1; o >= 0; o--)
     if (s.octave[o].count) runs.push_back({o, o});
   const auto tests = [&](std::size_t k) {
     const double size = joined(s, runs[k + 1]).need_max;
     double sum = 0;
-    for (std::size_t r = k; r <= k + 1; r++) {
-      const Summary::Octave o = joined(s, runs[r]);
-      sum += static_cast<double>(o.count) * density_of(o, size);
+    for (int r = runs[k + 1].coarsest; r <= runs[k].finest; r++) {
+      const Summary::Octave& o = s.octave[r];
+      const auto count = static_cast<double>(o.count);
+      if (o.count) sum += count * (density_of(o, size) + close * std::min(count, cube(size / o.need_max)));
     }
     return sum;
   };

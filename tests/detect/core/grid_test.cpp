@@ -450,6 +450,25 @@ TEST(Grid, StraySpheresLeaveTheLevelsOfTheOthers) {
   }
 }
 
+// Lone spheres of the heap's size make it look as if nothing were near it, and those of many other sizes need
+// octaves to be joined: others than that of the heap.
+TEST(Grid, LoneSpheresOfManySizesDoNotCoarsenAHeap) {
+  std::mt19937_64 random(30);
+  std::uniform_real_distribution<double> unit(0, 1);
+  std::vector<Sphere> spheres;
+  for (int k = 0; k < 20'000; k++)
+    spheres.push_back({65 * unit(random), 65 * unit(random), 65 * unit(random), 1});
+  for (int k = 0; k < 20'000; k++)
+    spheres.push_back(
+        {2e8 * unit(random), 2e8 * unit(random), 2e8 * unit(random), std::pow(1e6, unit(random))});
+  Summary s = summary_of(spheres);
+  s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
+  for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+    const Grid g = choose_grid(s, 0, 8, cross_search);
+    EXPECT_LT(met_in_bins(g, spheres)[0] / 20'000, 10) << g.levels << " levels";
+  }
+}
+
 // A heap of grains; stones and boulders are spread widely, with a few grains between them. By their bounds,
 // grains are so far from each other that they share a level with the stones. All of the heap would lie in few
 // of its bins.
@@ -489,6 +508,7 @@ TEST(Grid, AHeapAmongBouldersHasBinsOfItsOwn) {
     EXPECT_NEAR(near, exact, 0.3 * exact) << ratio;
   }
 }
+
 // A heap of four octaves, and ten coarser octaves spread widely: some must share a level. Those of the heap
 // do not get bins for coarser ones, in which all of the heap would lie.
 TEST(Grid, JoinedOctavesDoNotCoarsenAHeap) {
@@ -511,6 +531,7 @@ TEST(Grid, JoinedOctavesDoNotCoarsenAHeap) {
     }
   }
 }
+
 // Spheres that lie evenly have the grid that their bounds ask for, whatever probes find by chance.
 TEST(Grid, ProbesOfEvenSpheresChangeNothing) {
   std::mt19937_64 random = random_of_new_seed();
@@ -526,6 +547,7 @@ TEST(Grid, ProbesOfEvenSpheresChangeNothing) {
     EXPECT_TRUE(choose_grid(s, 0, 8, CrossSearch::coarse_to_fine) == without) << trial;
   }
 }
+
 TEST(Grid, ProbesAreDifferentSpheres) {
   for (const std::uint64_t n :
        {1ull, 63ull, 64ull, 511ull, 512ull, 5000ull, 65'536ull, 100'000ull, 0xfffffffeull})
