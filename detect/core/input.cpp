@@ -25,9 +25,16 @@ bool bodies_have_worlds(const Input& input) {
 }
 
 bool has_worlds(const Input& input) {
-  if (!input.bodies.empty()) return loose_have_worlds(input) || bodies_have_worlds(input);
   const Spheres& s = input.spheres;
-  return s.world && std::any_of(s.world, s.world + s.count, [&](std::uint32_t w) { return w != s.world[0]; });
+  if (s.count && s.world && s.memory == Memory::device) return true;
+  std::uint32_t one = kEveryWorld;
+  const auto is_another = [&](std::uint32_t world) {
+    if (one == kEveryWorld) one = world;
+    return !worlds_meet(one, world);
+  };
+  if (std::ranges::any_of(input.bodies, is_another, &Body::world)) return true;
+  if (!s.world) return s.count && is_another(s.world_of_all);
+  return std::any_of(s.world, s.world + s.count, is_another);
 }
 
 }  // namespace padder::detect

@@ -84,12 +84,12 @@ inline Filter filter_of(const Body& body, std::uint32_t k) {
   return {body.family, body.mask, owner_of(k, body.is_static)};
 }
 
-// Are there worlds other than world 0?
+// May there be worlds other than world 0?
 bool bodies_have_worlds(const Input& input);
 inline bool loose_have_worlds(const Input& input) {
   return input.spheres.count > 0 && (input.spheres.world || input.spheres.world_of_all != 0);
 }
-// The same, of arrays in host memory; loose spheres alone that are all of one world have none.
+// Do worlds keep anything apart: are there two besides kEveryWorld? Of arrays on a device: perhaps.
 bool has_worlds(const Input& input);
 
 }  // namespace padder::detect

@@ -33,8 +33,7 @@ class Work {
     };
     const bool known = bodies_.knows(input) && goes_first();
     check_input(input, true, known || worlds_.counted(input));
-    const bool worlds =
-        options.path == Path::grid && (loose_have_worlds(input) || (!known && have_worlds(input)));
+    const bool worlds = options.path == Path::grid && !known && have_worlds(input);
     if (input.revision != decided_) decided_ = 0;
     if (may_go_first && !known && !worlds && (decided_ == 0 || options.order == Order::stable))
       automatic_first_ = first_is_faster(input, options),
@@ -134,8 +133,7 @@ class Work {
     clock_.mark(StageClock::kHistory);
   }
   bool have_worlds(const Input& input) const {
-    return loose_have_worlds(input) ||
-           (worlds_.knows(input) ? worlds_.bodies_have_worlds() : bodies_have_worlds(input));
+    return worlds_.counted(input) ? worlds_.has_worlds() : has_worlds(input);
   }
   Call begin(const Input& input, const CallOptions& options) {
     stream_ = static_cast<cudaStream_t>(options.stream);

@@ -3,6 +3,7 @@
 
 #include <array>
 
+#include "detect/core/input.h"
 #include "detect/core/world_tree.h"
 #include "tests/detect/device_memory.h"
 #include "tests/detect/oracle.h"
@@ -123,6 +124,23 @@ TEST(Worlds, ContactsAreThoseOfTheOracleOnEveryPath) {
     }
     EXPECT_LE(without_contacts, 3);
   }
+}
+
+// One world and kEveryWorld keep nothing apart, so the scene is searched like one without worlds.
+TEST(Worlds, OneWorldWithWhatIsInEveryWorldIsSearchedAsOne) {
+  World w = random_worlds(7, 1, 60, 500);
+  for (Body& b : w.bodies) b.world = b.world == 0 ? 7 : b.world;
+  for (std::uint32_t& world : w.world) world = world == 0 ? 7 : world;
+  EXPECT_FALSE(has_worlds(w.input()));
+  for (const BackendKind kind : backends()) {
+    Detector detector({kind, 0});
+    EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), oracle(w.input(), {}));
+  }
+  w.world[3] = 8;
+  EXPECT_TRUE(has_worlds(w.input()));
+  Input loose = w.input();
+  loose.bodies = {}, loose.spheres.count = 3;
+  EXPECT_FALSE(has_worlds(loose));
 }
 
 TEST(Worlds, LooseSpheresInManyWorldsAndInOneAreFound) {

@@ -161,7 +161,7 @@ void WorldInput::read_bodies(const Input& input, cudaStream_t stream) {
     for (std::uint32_t p = host_pieces_.shape_first[shape]; p < host_pieces_.shape_first[shape + 1]; p++)
       host_elements_.push_back({static_cast<std::uint32_t>(b), p});
   }
-  bodies_have_worlds_ = detect::bodies_have_worlds(input);
+  has_worlds_ = detect::has_worlds(input);
   worlds_of_bodies_ = 0;
   for (std::size_t b = 0; b < input.bodies.size(); b++)
     if (const std::uint32_t world = input.bodies[b].world; world != kEveryWorld && world >= worlds_of_bodies_)

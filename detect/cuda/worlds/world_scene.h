@@ -70,7 +70,7 @@ class WorldInput {
   }
   // Has the last call counted as many spheres?
   bool counted(const Input& input) const { return knows(input) && input.spheres.count == known_loose_; }
-  bool bodies_have_worlds() const { return bodies_have_worlds_; }  // of the revision that is known
+  bool has_worlds() const { return has_worlds_; }  // of the revision that is known
   void keep(const Input& input) { revision_ = input.revision; }
   void forget() { revision_ = 0; }
 
@@ -88,7 +88,7 @@ class WorldInput {
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
   std::uint32_t known_world_of_loose_ = 0;
   WorldReport found_{};  // of the order
-  bool bodies_have_worlds_ = false;
+  bool has_worlds_ = false;
   std::uint32_t worlds_of_bodies_ = 0;  // the least number of worlds that has all of theirs
   std::size_t last_world_body_ = 0;     // one of the last of these worlds
   std::vector<Element> host_elements_;

@@ -39,7 +39,7 @@ class WorldSearch {
                       int processors, cudaStream_t stream);
   bool knows(const Input& input) const { return input_.knows(input); }
   bool counted(const Input& input) const { return input_.counted(input); }
-  bool bodies_have_worlds() const { return input_.bodies_have_worlds(); }
+  bool has_worlds() const { return input_.has_worlds(); }
   void forget() { input_.forget(); }
 
  private:
