@@ -330,6 +330,13 @@ void add_warnings(const PadOptions& options, const Asked& asked, const Repaired&
     report.warnings.push_back(c.source.file +
                               ": it has no sheet, so that a thickness has no effect: leave it out");
   if (asked.filled) warn_of_sheet(body, c.source.file, report);
+  constexpr double much = 0.1;
+  if (const double sheet = body.steps.sheet_area / body.mesh.area(); c.mass.volume > 0 && sheet > much)
+    report.warnings.push_back(c.source.file + ": volume and mass are those of a part of it, as " +
+                              short_number(100 * sheet, 3) + " % of its surface is a sheet" +
+                              (options.repair == RepairMode::fill
+                                   ? ": set the mass by hand"
+                                   : ": use --repair fill, if it is a solid with holes"));
 }
 
 // The mass of the repaired body. A sheet has none, nor has a surface that faces inward on the whole.

@@ -164,7 +164,7 @@ std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagona
 std::string percent(double share) { return short_number(100 * share, 3) + " %"; }
 
 // What mend() did, in words.
-std::string words(const Repaired& body, double diagonal) {
+std::string words(const Repaired& body, RepairMode mode, double diagonal) {
   RepairReport report;
   const RepairSteps& s = body.steps;
   const double area = body.mesh.area();
@@ -199,11 +199,12 @@ std::string words(const Repaired& body, double diagonal) {
   if (body.kind == BodyKind::sheet || s.sheet_area > crumbs * area) {
     std::string why;
     if (s.sheet_pieces > 0 && s.sheet_rim > 0) {
-      char text[160];
-      std::snprintf(text, sizeof text,
-                    " (its widest hole is %.3g diagonals around; mean winding number inside it %.2f)",
-                    s.sheet_rim, s.sheet_winding);
-      why = text;
+      constexpr double nearly_solid = 0.7;  // the mean winding number of half a ball
+      why = " (its widest hole is " + short_number(s.sheet_rim, 3) +
+            " diagonals around; mean winding number inside it " + short_number(s.sheet_winding, 3) +
+            (mode == RepairMode::automatic && s.sheet_winding > nearly_solid
+                 ? "; if it is a solid with holes, use --repair fill)"
+                 : ")");
     }
     report.add(body.kind == BodyKind::sheet
                    ? "an open sheet" + why
@@ -254,7 +255,7 @@ Repaired mended(std::optional<Repaired> body, const std::string& why_not, const 
     throw Error(name + ": " + why_not + ", too many to be cut apart: smooth the mesh, or give --repair wrap");
   }
   Repaired& out = *body;
-  out.report = words(out, diagonal);
+  out.report = words(out, options.mode, diagonal);
   if (options.below_terrain && out.kind == BodyKind::sheet && is_terrain(out.mesh))
     out.solid.reset(), out.sheet = 0, out.report += ", padded below its normals";
   return std::move(out);

@@ -38,7 +38,8 @@ struct Measured {
 // * protrusion: distance to the input mesh, over the outer surface of the union where it lies outside the
 //   body;
 // * gap: distance to the union, over the surface of the input mesh; 0 where it is covered;
-// * coverage: share of the input's surface inside the union;
+// * coverage: share of the input's surface inside the union. Of a solid that repair made, it and the mean gap
+//   are over the boundary of the body: with the patches over its holes, without what is buried in it;
 // * normal error: angle between the outward normal of the union and that of the mesh at the nearest point,
 //   over the outer surface of the union;
 // * volume ratio: volume of the union over the body's. It is below 1 for a shell of spheres around a thick

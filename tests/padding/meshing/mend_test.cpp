@@ -451,6 +451,24 @@ TEST(Mend, StripsAroundARoomWithAWindowAreNotWrapped) {
   EXPECT_GT(volume(r), 0.5);
 }
 
+// A ball that is open above the angle is the more of a solid, and its opening the smaller, the larger the
+// angle.
+TEST(Mend, HowWideAnOpeningMayBeGrowsWithWhatIsThere) {
+  const auto ball_up_to = [](double degrees) {
+    std::vector<std::array<double, 2>> profile;
+    for (int k = 0; k <= 16; k++) {
+      const double angle = degrees * k / 16 * std::numbers::pi / 180;
+      profile.push_back({std::sin(angle), -std::cos(angle)});
+    }
+    return repair(lathe(profile, 40), {}, "ball");
+  };
+  const Repaired sheet = ball_up_to(118);
+  EXPECT_EQ(sheet.kind, BodyKind::sheet);
+  EXPECT_NE(sheet.report.find("--repair fill"), std::string::npos) << sheet.report;
+  EXPECT_GT(sheet.steps.sheet_rim, 1.5);
+  EXPECT_EQ(ball_up_to(126).kind, BodyKind::solid);  // 0.816 and 1.57 diagonals around
+}
+
 TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
   Mesh bottle = lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 24);
   for (std::size_t t = bottle.triangles.size(); t-- > 0;)
