@@ -24,16 +24,10 @@ constexpr double kSmallHole = 0.15;
 // A hole as narrow as this share of the diagonal is closed however long it is.
 constexpr double kNarrowHole = 1e-3;
 // An open piece is a solid with holes if the mean winding number of what is there, over what the patches
-// would enclose, is at least this: the smaller for an opening of so many diagonals of the piece around, the
-// larger for a wide one, and between them in proportion. A cube without its lid has 0.8 and 2.0 diagonals,
-// half of a ball 0.7 and 2.2.
-constexpr double kLeastWinding = 0.8, kSmallOpening = 1.5, kSureWinding = 0.9, kWideOpening = 3;
-
-double least_winding(double opening) {
-  const double share = (opening - kSmallOpening) / (kWideOpening - kSmallOpening);
-  return std::lerp(kLeastWinding, kSureWinding, std::clamp(share, 0.0, 1.0));
-}
-
+// would enclose, is at least this: the larger for any opening, the smaller for one of at most so many
+// diagonals of the piece around. A cube without its lid has 0.86 and 2.05 diagonals, half of a ball 0.7
+// and 2.2.
+constexpr double kSureWinding = 0.9, kLeastWinding = 0.8, kWidestOpening = 1.5;
 // An open piece that encloses less than this share of (its area)^1.5 encloses nothing, nor does one that
 // encloses less than this share of (the mesh's diagonal)^3, as what is left of a sheet between its cracks.
 constexpr double kLeastVolume = 1e-7, kLeastSolid = 1e-15;
@@ -242,7 +236,8 @@ class PieceCloser {
       group.winding = 1;
       if (group.opening > 0) group.winding = mean_winding(group, *units, *groups);
       group.solid =
-          options_.mode == RepairMode::fill || group.winding >= least_winding(group.opening / group.diagonal);
+          options_.mode == RepairMode::fill ||
+          group.winding >= (group.opening <= kWidestOpening * group.diagonal ? kLeastWinding : kSureWinding);
       opened |= group.solid && group.opening > 0;
     }
     if (opened && options_.mode == RepairMode::automatic) parts_of_one_ = enclose_more(*units, *groups);

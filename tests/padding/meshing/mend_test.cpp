@@ -451,22 +451,11 @@ TEST(Mend, StripsAroundARoomWithAWindowAreNotWrapped) {
   EXPECT_GT(volume(r), 0.5);
 }
 
-// A ball that is open above the angle is the more of a solid, and its opening the smaller, the larger the
-// angle.
-TEST(Mend, HowWideAnOpeningMayBeGrowsWithWhatIsThere) {
-  const auto ball_up_to = [](double degrees) {
-    std::vector<std::array<double, 2>> profile;
-    for (int k = 0; k <= 16; k++) {
-      const double angle = degrees * k / 16 * std::numbers::pi / 180;
-      profile.push_back({std::sin(angle), -std::cos(angle)});
-    }
-    return repair(lathe(profile, 40), {}, "ball");
-  };
-  const Repaired sheet = ball_up_to(118);
-  EXPECT_EQ(sheet.kind, BodyKind::sheet);
-  EXPECT_NE(sheet.report.find("--repair fill"), std::string::npos) << sheet.report;
-  EXPECT_GT(sheet.steps.sheet_rim, 1.5);
-  EXPECT_EQ(ball_up_to(126).kind, BodyKind::solid);  // 0.816 and 1.57 diagonals around
+TEST(Mend, AnOpenSheetThatIsNearlyASolidNamesWhatClosesIt) {
+  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
+  const auto report = [&](RepairMode mode) { return repair(open, {.mode = mode}, "cube").report; };
+  EXPECT_NE(report(RepairMode::automatic).find("use --repair fill"), std::string::npos);
+  EXPECT_EQ(report(RepairMode::sheet).find("--repair fill"), std::string::npos);
 }
 
 TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
