@@ -251,7 +251,7 @@ class PieceCloser {
 
   // A hole that a closed piece covers needs no evidence: nothing comes in there.
   void find_covered(OpenGroup& group, const Surface& units) const {
-    constexpr double nearly_all = 0.95;
+    constexpr double nearly_all = 0.85;
     constexpr std::size_t wanted = 256;
     if (group.opening == 0 || units_.empty() || is_flat_wall(group)) return;
     group.opening = 0;
