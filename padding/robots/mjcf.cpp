@@ -25,16 +25,11 @@ using reading::MjcfFile;
 // contype and conaffinity of a geom.
 using Bits = std::pair<std::uint32_t, std::uint32_t>;
 
-struct MeshAsset {
-  fs::path file;
-  Vector scale;
-  Eigen::Isometry3d place;  // of the scaled mesh, in the geom's frame
-};
-
-// A geom that may be padded.
+// A geom that may be padded. Its shape is read when it is: MuJoCo does not need all that others name.
 struct Geom {
   std::size_t link;
-  RobotShape shape;
+  MjcfElement element;
+  Eigen::Isometry3d frame;  // that it stands in, in the link's frame
   Bits bits;
 };
 
@@ -85,31 +80,40 @@ class MjcfReader {
     return index;
   }
 
+  fs::path mesh_file(xml_node node) const {
+    fs::path file = node.attribute("file").as_string();
+    if (file_.compiler("strippath", "false") == "true") file = file.filename();
+    const std::string folder = file_.compiler("meshdir", file_.compiler("assetdir", "").c_str());
+    return fs::absolute(path_).parent_path() / folder / file;
+  }
+
   void add_mesh(xml_node node) {
+    const std::string name = node.attribute("name").as_string(mesh_file(node).stem().c_str());
+    if (!meshes_.emplace(name, node).second) file_.fail(node, "two meshes are called " + excerpt(name));
+  }
+
+  void set_mesh(xml_node node, const std::string& body, RobotShape& shape) const {
     const MjcfElement e = file_.with_defaults(node, "");
-    const std::string reference = node.attribute("file").as_string();
-    if (reference.empty())
+    if (!*node.attribute("file").as_string())
       file_.fail(
           node,
           node.attribute("vertex")
               ? "it names no file: vertices in the MJCF itself are not read, write them to an .obj"
               : "it names no file: what MuJoCo or a plugin makes itself is not read, write it to an .obj");
-    fs::path file = reference;
-    if (file_.compiler("strippath", "false") == "true") file = file.filename();
-    const std::string folder = file_.compiler("meshdir", file_.compiler("assetdir", "").c_str());
-    file = fs::absolute(path_).parent_path() / folder / file;
-    const Vector scale = file_.vector(e, "scale", Vector::Ones());
-    if ((scale.array() == 0).any()) file_.fail(node, "it has a scale of 0");
+    shape.file = mesh_file(node);
+    if (std::error_code code; !fs::is_regular_file(shape.file, code))
+      throw Error(path_.string() + ", body " + excerpt(body) + ": the mesh is not there: looked for " +
+                  excerpt(shape.file.string(), 500));
+    shape.scale = file_.vector(e, "scale", Vector::Ones());
+    if ((shape.scale.array() == 0).any()) file_.fail(node, "it has a scale of 0");
     // MuJoCo moves by refpos, turns by refquat, and scales then; a shape is scaled before it is moved.
     const auto q = file_.numbers(e, "refquat", 4, 4, {1, 0, 0, 0});
     const Eigen::Quaterniond turn = Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized();
-    if (!turn.isApprox(Eigen::Quaterniond::Identity()) && (scale.x() != scale.y() || scale.x() != scale.z()))
+    if (!turn.isApprox(Eigen::Quaterniond::Identity()) &&
+        (shape.scale.x() != shape.scale.y() || shape.scale.x() != shape.scale.z()))
       file_.fail(node, "a refquat with a scale that differs by axis is not read: turn the mesh's file");
-    const Vector offset = scale.cwiseProduct(file_.vector(e, "refpos", Vector::Zero()));
-    const Eigen::Isometry3d place = turn.conjugate() * Eigen::Translation3d(-offset);
-    const std::string name = node.attribute("name").as_string(file.stem().c_str());
-    if (!meshes_.emplace(name, MeshAsset{file, scale, place}).second)
-      file_.fail(node, "two meshes are called " + excerpt(name));
+    const Vector offset = shape.scale.cwiseProduct(file_.vector(e, "refpos", Vector::Zero()));
+    shape.pose = shape.pose * turn.conjugate() * Eigen::Translation3d(-offset);
   }
 
   // What stands in a body, or in a frame of it.
@@ -246,44 +250,45 @@ class MjcfReader {
   void add_geom(xml_node node, std::size_t link, const Eigen::Isometry3d& frame,
                 const std::string& childclass) {
     const MjcfElement e = file_.with_defaults(node, childclass);
-    const std::string mesh = e.text("mesh"), type = e.text("type", mesh.empty() ? "sphere" : "mesh");
-    if (type == "plane" || type == "hfield") {
+    if (const std::string type = e.text("type"); type == "plane" || type == "hfield")
       planes_++;
-      return;
-    }
-    Geom geom{link, {}, {bits(e, "contype"), bits(e, "conaffinity")}};
-    RobotShape& shape = geom.shape;
+    else
+      geoms_.push_back({link, e, frame, {bits(e, "contype"), bits(e, "conaffinity")}});
+  }
+
+  RobotShape shape_of(const Geom& geom) const {
+    const MjcfElement& e = geom.element;
+    const xml_node node = e.levels[0];
+    const std::string mesh = e.text("mesh"), type = e.text("type", mesh.empty() ? "sphere" : "mesh");
+    RobotShape shape;
     const auto ends = file_.numbers(e, "fromto", 6, 6);
     const auto size = file_.numbers(e, "size", 1, 3, {0, 0, 0});
     Vector half(size[0], size.size() > 1 ? size[1] : 0, size.size() > 2 ? size[2] : 0);
-    shape.pose = frame;
     if (!ends.empty() && type != "mesh" && type != "sphere") {
       // MuJoCo's axis of z leads from the second end to the first, which turns a box about it.
       const Vector a(ends[0], ends[1], ends[2]), b(ends[3], ends[4], ends[5]);
-      shape.pose = frame * Eigen::Translation3d(0.5 * (a + b)) *
+      shape.pose = geom.frame * Eigen::Translation3d(0.5 * (a + b)) *
                    Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(), a - b);
       if (!(b - a).allFinite() || !std::isfinite((b - a).norm()))
         file_.fail(node, "the two ends of its fromto are too far apart");
       const bool round = type == "capsule" || type == "cylinder";
       half = {half[0], round ? 0.5 * (b - a).norm() : half[0], 0.5 * (b - a).norm()};
     } else {
-      shape.pose = frame * file_.pose(e);
+      shape.pose = geom.frame * file_.pose(e);
     }
-    set_size(node, type, mesh, half, shape);
-    geoms_.push_back(std::move(geom));
+    if (type == "mesh") {
+      const auto found = meshes_.find(mesh);
+      if (found == meshes_.end()) file_.fail(node, "there is no mesh asset \"" + excerpt(mesh) + '"');
+      set_mesh(found->second, robot_.links[geom.link].name, shape);
+    } else {
+      set_size(node, type, mesh, half, shape);
+    }
+    return shape;
   }
 
   // `half` are the sizes of MJCF.
   void set_size(xml_node node, const std::string& type, const std::string& mesh, const Vector& half,
-                RobotShape& shape) {
-    if (type == "mesh") {
-      const auto found = meshes_.find(mesh);
-      if (found == meshes_.end()) file_.fail(node, "there is no mesh asset \"" + excerpt(mesh) + '"');
-      const MeshAsset& asset = found->second;
-      shape.file = asset.file, shape.scale = asset.scale;
-      shape.pose = shape.pose * asset.place;
-      return;
-    }
+                RobotShape& shape) const {
     if (!mesh.empty())
       file_.fail(node, "a " + excerpt(type) +
                            " that is fitted to a mesh is not read: give its size, or type=\"mesh\"");
@@ -314,11 +319,7 @@ class MjcfReader {
     if (!any && !geoms_.empty()) note("no geom can touch anything: those to look at were padded");
     for (const Geom& g : geoms_) {
       if (touches(g) != (any && !visual)) continue;
-      std::error_code code;
-      if (g.shape.type == RobotShape::Type::mesh && !fs::is_regular_file(g.shape.file, code))
-        throw Error(path_.string() + ", body " + excerpt(robot_.links[g.link].name) +
-                    ": the mesh is not there: looked for " + excerpt(g.shape.file.string(), 500));
-      robot_.links[g.link].shapes.push_back(g.shape);
+      robot_.links[g.link].shapes.push_back(shape_of(g));
       bits_[g.link].insert(g.bits);
     }
   }
@@ -390,7 +391,7 @@ class MjcfReader {
   MjcfFile file_;
   const RobotReadOptions& options_;
   RobotTree robot_;
-  std::map<std::string, MeshAsset> meshes_;
+  std::map<std::string, xml_node> meshes_;
   std::map<std::string, std::size_t> index_;  // of the links
   std::set<std::string> joints_;
   std::map<std::string, double> references_;  // `ref` of a joint, where it is not 0

@@ -206,7 +206,9 @@ TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
   for (const auto& [inside, words] :
        {std::pair("<compiler coordinate='global'/>", "global coordinates"),
         {"<worldbody><replicate count='3'><geom size='1'/></replicate></worldbody>", "mj_saveLastXML"},
-        {"<asset><mesh name='m' vertex='0 0 0 1 0 0 0 1 0 0 0 1'/></asset>", "it names no file"},
+        {"<asset><mesh name='m' vertex='0 0 0 1 0 0 0 1 0 0 0 1'/></asset><worldbody><geom type='mesh' "
+         "mesh='m'/></worldbody>",
+         "it names no file"},
         {"<worldbody><geom type='mesh' mesh='none'/></worldbody>", "no mesh asset \"none\""},
         {"<asset><mesh file='none.stl'/></asset><worldbody><geom type='mesh' mesh='none'/></worldbody>",
          "is not there"},
@@ -224,6 +226,15 @@ TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
         {"<include file='none.xml'/>", "none.xml"},
         {"<contact><exclude body1='x' body2='y'/></contact>", "a body that is not there"}})
     EXPECT_NE(fault(inside).find(words), std::string::npos) << inside << ": " << fault(inside);
+}
+
+// As a mesh file that is not there.
+TEST_F(MjcfTest, AMeshThatNoPaddedGeomUsesIsNotRead) {
+  const RobotTree r = read_mjcf(
+      put("<asset><mesh name='m' vertex='0 0 0 1 0 0 0 1 0 0 0 1'/></asset><worldbody><body name='a'><geom "
+          "type='mesh' mesh='m' contype='0' conaffinity='0'/><geom size='.1'/></body></worldbody>"));
+  ASSERT_EQ(r.links[1].shapes.size(), 1u);
+  EXPECT_EQ(r.links[1].shapes[0].type, RobotShape::Type::sphere);
 }
 
 // Spheres alone are converted as they are, if the file says no more than where they are in their bodies.
