@@ -31,6 +31,7 @@ struct Geom {
   MjcfElement element;
   Eigen::Isometry3d frame;  // that it stands in, in the link's frame
   Bits bits;
+  bool touches;  // something that its bits or a <pair> let it touch
 };
 
 class MjcfReader {
@@ -45,6 +46,9 @@ class MjcfReader {
     model.name = file_.root().attribute("model").as_string(path_.stem().c_str());
     for (const xml_node& section : file_.root().children("asset"))
       for (const xml_node& mesh : section.children("mesh")) add_mesh(mesh);
+    for (const xml_node& section : file_.root().children("contact"))
+      for (const xml_node& pair : section.children("pair"))
+        for (const char* end : {"geom1", "geom2"}) paired_.insert(pair.attribute(end).as_string());
     add_link("world", -1, Eigen::Isometry3d::Identity());
     for (const xml_node& world : file_.root().children("worldbody"))
       add_children(world, 0, Eigen::Isometry3d::Identity(), "");
@@ -58,9 +62,7 @@ class MjcfReader {
       for (const xml_node& actuator : section.children()) add_effort(actuator);
     keep_apart();
     if (planes_ > 0) note("planes and height fields, which are left out: " + std::to_string(planes_));
-    if (weightless_ > 0)
-      note("bodies without <inertial>, whose mass follows from a density and not from their geoms: " +
-           std::to_string(weightless_));
+    note_masses();
     if (soft_ > 0) note("soft bodies (flex), which are left out: " + std::to_string(soft_));
     return std::move(robot_);
   }
@@ -224,10 +226,7 @@ class MjcfReader {
 
   void add_inertial(xml_node body, std::size_t link) {
     const xml_node node = body.child("inertial");
-    if (!node) {
-      weightless_++;
-      return;
-    }
+    if (!node) return;
     const MjcfElement e{{node}};
     Inertial i;
     i.mass = file_.number(e, "mass", 0);
@@ -250,10 +249,15 @@ class MjcfReader {
   void add_geom(xml_node node, std::size_t link, const Eigen::Isometry3d& frame,
                 const std::string& childclass) {
     const MjcfElement e = file_.with_defaults(node, childclass);
-    if (const std::string type = e.text("type"); type == "plane" || type == "hfield")
+    const std::string name = node.attribute("name").as_string();
+    if (paired_.contains(name)) links_of_paired_[name] = link;
+    if (const std::string type = e.text("type"); type == "plane" || type == "hfield") {
       planes_++;
-    else
-      geoms_.push_back({link, e, frame, {bits(e, "contype"), bits(e, "conaffinity")}});
+      return;
+    }
+    const Bits own{bits(e, "contype"), bits(e, "conaffinity")};
+    geoms_.push_back({link, e, frame, own, own != Bits{0, 0} || paired_.contains(name)});
+    if (file_.compiler("inertiafromgeom", "auto") == "true") robot_.model.bodies[link].inertial.reset();
   }
 
   RobotShape shape_of(const Geom& geom) const {
@@ -313,15 +317,40 @@ class MjcfReader {
 
   // Those that touch, or those that are only seen.
   void take_geoms() {
-    const auto touches = [](const Geom& g) { return g.bits != Bits{0, 0}; };
-    const bool any = std::any_of(geoms_.begin(), geoms_.end(), touches);
-    const bool visual = options_.visual && !std::all_of(geoms_.begin(), geoms_.end(), touches);
+    const bool any = std::ranges::any_of(geoms_, &Geom::touches);
+    const bool visual = !any || (options_.visual && !std::ranges::all_of(geoms_, &Geom::touches));
     if (!any && !geoms_.empty()) note("no geom can touch anything: those to look at were padded");
     for (const Geom& g : geoms_) {
-      if (touches(g) != (any && !visual)) continue;
+      if (g.touches == visual) continue;
       robot_.links[g.link].shapes.push_back(shape_of(g));
       bits_[g.link].insert(g.bits);
     }
+    std::vector<std::string> bare;
+    for (const std::size_t link : links_of_geoms())
+      if (robot_.links[link].shapes.empty()) bare.push_back(robot_.links[link].name);
+    note_bare(robot_, bare, visual);
+  }
+
+  std::set<std::size_t> links_of_geoms() const {
+    std::set<std::size_t> links;
+    for (const Geom& g : geoms_) links.insert(g.link);
+    return links;
+  }
+
+  // MuJoCo gives a body without <inertial> the mass of its geoms.
+  void note_masses() {
+    std::vector<std::string> padded, bare;
+    for (const std::size_t link : links_of_geoms())
+      if (link > 0 && !robot_.model.bodies[link].inertial)  // the world has no mass
+        (robot_.links[link].shapes.empty() ? bare : padded).push_back(robot_.links[link].name);
+    if (!padded.empty())
+      note("bodies without <inertial>, whose mass follows from a density and not from their geoms: " +
+           listed(padded));
+    if (!bare.empty())
+      note(
+          "bodies without <inertial> and without spheres, which get no mass, though MuJoCo gives them that "
+          "of their geoms: " +
+          listed(bare));
   }
 
   Joint* joint_named(const std::string& name) {
@@ -383,8 +412,17 @@ class MjcfReader {
         }
         if (at[0] != at[1]) pairs.insert(std::minmax(at[0], at[1]));
       }
+    for (const xml_node& section : file_.root().children("contact"))  // whatever else keeps these apart
+      for (const xml_node& pair : section.children("pair"))
+        pairs.erase(std::minmax(paired_link(pair, "geom1"), paired_link(pair, "geom2")));
     for (const auto& [a, b] : neighbours(robot_)) pairs.erase({a, b});
     for (const auto& [a, b] : pairs) robot_.model.apart.push_back({a, b, "User"});
+  }
+
+  std::size_t paired_link(xml_node pair, const char* end) const {
+    const auto found = links_of_paired_.find(pair.attribute(end).as_string());
+    if (found == links_of_paired_.end()) file_.fail(pair, std::string("its ") + end + " is not there");
+    return found->second;
   }
 
   fs::path path_;
@@ -396,8 +434,10 @@ class MjcfReader {
   std::set<std::string> joints_;
   std::map<std::string, double> references_;  // `ref` of a joint, where it is not 0
   std::vector<Geom> geoms_;
-  std::map<std::size_t, std::set<Bits>> bits_;  // of each link with shapes
-  std::size_t planes_ = 0, weightless_ = 0, soft_ = 0;
+  std::map<std::size_t, std::set<Bits>> bits_;          // of each link with shapes
+  std::set<std::string> paired_;                        // geoms that a <pair> names
+  std::map<std::string, std::size_t> links_of_paired_;  // that these geoms stand in
+  std::size_t planes_ = 0, soft_ = 0;
 };
 
 }  // namespace

@@ -8,18 +8,20 @@ namespace padder {
 // As read_urdf gives it, in metres and radians. The first link is "world". Bodies of the worldbody hang on
 // it, fixed or by their joints.
 //
-// * Geoms: those that can touch something (contype or conaffinity is not 0); where none can, or with
-//   options.visual, those that cannot. Sphere, capsule, ellipsoid, cylinder, box and mesh. Planes and height
-//   fields are the ground, not the robot, and are left out with a note. A mesh is taken as it is; MuJoCo
-//   itself lets its convex hull touch.
+// * Geoms: those that can touch something (contype or conaffinity is not 0, or a <pair> names them); where
+//   none can, or with options.visual, those that cannot. A note names bodies that have only others. Sphere,
+//   capsule, ellipsoid, cylinder, box and mesh. Planes and height fields are the ground, not the robot, and
+//   are left out with a note. A mesh is taken as it is; MuJoCo itself lets its convex hull touch.
 // * Joints: a body with several, or with one whose anchor is off its origin, gets a link without shapes for
 //   each of them, called BODY:JOINT. At the value 0 of each joint all stands where MuJoCo puts it, with `ref`
 //   taken into account. Limits, damping, friction and the effort of motors are read. Joint equalities of
 //   degree 1 become mimics.
-// * Pairs: `exclude`, and bodies whose contype and conaffinity never match, are in model.apart ("User").
+// * Pairs: `exclude`, and bodies whose contype and conaffinity never match, are in model.apart ("User"),
+//   unless a `pair` lets geoms of theirs touch.
 // * The file: default classes, childclass, `include`, `frame`, and of the compiler angle, eulerseq, meshdir,
 //   assetdir and strippath.
-// * Mass: a body without `inertial` gets its mass from a density, not from its geoms. A note says so.
+// * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets its mass from a density,
+//   not from its geoms, and none if it gets no spheres. A note says so.
 //
 // Throws Error, which names the file and the element, for what changes the shape and is not read:
 // coordinate="global", `replicate`, `composite`, `flexcomp`, `attach`, meshes whose vertices stand in the

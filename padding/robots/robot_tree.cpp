@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "padding/asset/excerpt.h"
 #include "padding/export/families.h"
 
 namespace padder {
@@ -36,6 +37,23 @@ struct Groups {
 };
 
 }  // namespace
+
+std::string listed(const std::vector<std::string>& names) {
+  constexpr std::size_t most = 5;
+  std::string text;
+  for (std::size_t k = 0; k < std::min(most, names.size()); k++)
+    text += (k > 0 ? ", " : "") + excerpt(names[k]);
+  return names.size() > most ? text + " and others" : text;
+}
+
+void note_bare(RobotTree& robot, const std::vector<std::string>& links, bool visual) {
+  if (links.empty()) return;
+  robot.notes.push_back(
+      (visual ? "links that have collision geometry alone get no spheres: "
+              : "links that have visual geometry alone get no spheres (--visual pads the visual geometry of "
+                "all links instead): ") +
+      listed(links));
+}
 
 std::vector<std::pair<std::size_t, std::size_t>> neighbours(const RobotTree& robot) {
   const Groups groups(robot);

@@ -45,6 +45,13 @@ struct RobotReadOptions {
   bool visual = false;  // take the shapes of `visual` even where there are some of `collision`
 };
 
+// The first few names, for a sentence.
+std::string listed(const std::vector<std::string>& names);
+
+// Notes that `links` have shapes only of the kind that is not padded, if there are any; `visual`: that of
+// `visual` is.
+void note_bare(RobotTree& robot, const std::vector<std::string>& links, bool visual);
+
 // The pairs of links that may not touch, i < j. Links that fixed joints connect form a rigid group; links of
 // one group may not touch. Neither may links of a group and of the nearest group above it in the tree that
 // has shapes.

@@ -42,9 +42,7 @@ class UrdfReader {
     for (const auto& joint : root.children("joint")) add_joint(joint);
     check_mimics();
     if (!collision) robot.notes.push_back("no link has collision geometry: the visual geometry was padded");
-    if (!bare_.empty())
-      robot.notes.push_back(std::string("links that have ") + (visual ? "collision" : "visual") +
-                            " geometry alone get no spheres: " + listed(bare_));
+    note_bare(robot, bare_, visual);
     for (const Body& b : bodies_)
       if (b.joint.lower > b.joint.upper)
         robot.notes.push_back("joint " + excerpt(b.joint.name) +
@@ -77,15 +75,6 @@ class UrdfReader {
           "the file elsewhere and give the .urdf");
     if (status != 0) fail("xacro cannot expand it, for the reason that it gave above");
     return out;
-  }
-
-  // The first few, for a sentence.
-  static std::string listed(const std::vector<std::string>& names) {
-    constexpr std::size_t most = 5;
-    std::string text;
-    for (std::size_t k = 0; k < std::min(most, names.size()); k++)
-      text += (k > 0 ? ", " : "") + excerpt(names[k]);
-    return names.size() > most ? text + " and others" : text;
   }
 
   [[noreturn]] void fail(const std::string& what) const { throw Error(path_.string() + ": " + what); }

@@ -372,7 +372,9 @@ TEST_F(RobotTest, WhatIsWrongIsNamed) {
            link("b", "<visual><geometry><sphere radius='1'/></geometry></visual>") + joint("a", "b")));
   EXPECT_EQ(u.model.bodies[0].inertial->inertia, Vector(1, 2, 3).asDiagonal().toDenseMatrix());
   ASSERT_EQ(u.notes.size(), 1u);
-  EXPECT_EQ(u.notes[0], "links that have visual geometry alone get no spheres: b");
+  EXPECT_EQ(u.notes[0],
+            "links that have visual geometry alone get no spheres (--visual pads the visual geometry of all "
+            "links instead): b");
 }
 
 TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {

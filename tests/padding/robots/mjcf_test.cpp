@@ -228,6 +228,39 @@ TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
     EXPECT_NE(fault(inside).find(words), std::string::npos) << inside << ": " << fault(inside);
 }
 
+TEST_F(MjcfTest, BodiesOnlyToLookAtAreNamedAndPairsTouch) {
+  const std::string bodies =
+      "<worldbody><geom name='floor' type='plane' size='1 1 1'/><body name='a'><joint/><geom size='.1'/>"
+      "<geom name='ga' size='.2' contype='0' conaffinity='0'/></body><body name='hand' pos='1 0 0'><joint/>"
+      "<geom name='gh' size='.1' contype='0' conaffinity='0'/></body><body name='look' pos='2 0 0'><joint/>"
+      "<geom size='.1' contype='0' conaffinity='0'/></body></worldbody><contact>";
+  const RobotTree r =
+      read_mjcf(put(bodies + "<pair geom1='ga' geom2='gh'/><pair geom1='floor' geom2='gh'/></contact>"));
+  EXPECT_EQ(r.links[1].shapes.size(), 2u);
+  EXPECT_EQ(r.links[2].shapes.size(), 1u);
+  EXPECT_EQ(r.links[3].shapes.size(), 0u);
+  EXPECT_TRUE(r.model.apart.empty());
+  ASSERT_EQ(r.notes.size(), 4u);
+  EXPECT_EQ(r.notes[0],
+            "links that have visual geometry alone get no spheres (--visual pads the visual geometry of all "
+            "links instead): look");
+  EXPECT_NE(r.notes[2].find("whose mass follows from a density and not from their geoms: a, hand"),
+            std::string::npos);
+  EXPECT_NE(r.notes[3].find("which get no mass, though MuJoCo gives them that of their geoms: look"),
+            std::string::npos);
+  EXPECT_NE(fault(bodies + "<pair geom1='ga' geom2='none'/></contact>").find("its geom2 is not there"),
+            std::string::npos);
+}
+
+TEST_F(MjcfTest, AStatedMassCountsWhereMuJoCoTakesIt) {
+  const std::string mass = "<inertial pos='0 0 0' mass='3' diaginertia='1 1 1'/>";
+  const RobotTree r =
+      read_mjcf(put("<compiler inertiafromgeom='true'/><worldbody><body name='a'>" + mass +
+                    "<geom size='.1'/><body name='b'><joint/>" + mass + "</body></body></worldbody>"));
+  EXPECT_FALSE(r.model.bodies[1].inertial);
+  EXPECT_TRUE(r.model.bodies[2].inertial);
+}
+
 // As a mesh file that is not there.
 TEST_F(MjcfTest, AMeshThatNoPaddedGeomUsesIsNotRead) {
   const RobotTree r = read_mjcf(
