@@ -17,8 +17,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* kTurns[] = {"quat", "axisangle", "euler", "xyaxes", "zaxis"};
-constexpr const char* kMain = "main";  // the class of what names none
+constexpr const char* kTurns[] = {"axisangle", "euler", "xyaxes", "zaxis"};  // instead of `quat`
+constexpr const char* kMain = "main";                                        // the class of what names none
 
 Eigen::Quaterniond about(int axis, double angle) {
   return Eigen::Quaterniond(Eigen::AngleAxisd(angle, Vector::Unit(axis)));
@@ -124,15 +124,20 @@ MjcfElement MjcfFile::with_defaults(pugi::xml_node node, const std::string& chil
 
 std::vector<double> MjcfFile::numbers(const MjcfElement& e, const char* name, std::size_t least,
                                       std::size_t most, std::vector<double> otherwise) const {
-  const pugi::xml_attribute attribute = e.attribute(name);
-  if (!attribute) return otherwise;
-  const auto out = importing::numbers_in(attribute.as_string());
+  std::vector<double> out = std::move(otherwise);
   const auto finite = [](double v) { return std::isfinite(v); };
-  if (!out || out->size() < least || out->size() > most || !std::ranges::all_of(*out, finite))
-    fail(e.levels[0], std::string(name) + " takes " + (least == most ? "" : "at least ") +
-                          std::to_string(least) + (least == 1 ? " number" : " numbers") + ", not \"" +
-                          excerpt(attribute.as_string()) + '"');
-  return *out;
+  for (auto level = e.levels.rbegin(); level != e.levels.rend(); ++level) {
+    const pugi::xml_attribute attribute = level->attribute(name);
+    if (!attribute) continue;
+    const auto own = importing::numbers_in(attribute.as_string());
+    if (!own || own->size() < least || own->size() > most || !std::ranges::all_of(*own, finite))
+      fail(*level, std::string(name) + " takes " + (least == most ? "" : "at least ") +
+                       std::to_string(least) + (least == 1 ? " number" : " numbers") + ", not \"" +
+                       excerpt(attribute.as_string()) + '"');
+    out.resize(std::max(out.size(), own->size()));
+    std::ranges::copy(*own, out.begin());
+  }
+  return out;
 }
 
 double MjcfFile::number(const MjcfElement& e, const char* name, double otherwise) const {
@@ -145,16 +150,12 @@ Vector MjcfFile::vector(const MjcfElement& e, const char* name, const Vector& ot
 }
 
 Eigen::Quaterniond MjcfFile::orientation(const MjcfElement& e) const {
+  // As in MuJoCo, where a class that has one of these counts even for an element that has a quat.
   for (const pugi::xml_node& level : e.levels) {
     if (std::none_of(std::begin(kTurns), std::end(kTurns),
                      [&](const char* name) { return level.attribute(name); }))
       continue;
     const MjcfElement own{{level}};
-    if (const auto q = numbers(own, "quat", 4, 4); !q.empty()) {
-      const Eigen::Quaterniond turn(q[0], q[1], q[2], q[3]);
-      if (!(turn.norm() > 0)) fail(level, "its quat has no length");
-      return turn.normalized();
-    }
     if (const auto a = numbers(own, "axisangle", 4, 4); !a.empty())
       return Eigen::Quaterniond(Eigen::AngleAxisd(a[3] * angle_, Vector(a[0], a[1], a[2]).normalized()));
     if (const auto a = numbers(own, "euler", 3, 3); !a.empty()) {
@@ -176,7 +177,10 @@ Eigen::Quaterniond MjcfFile::orientation(const MjcfElement& e) const {
     }
     return Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(), vector(own, "zaxis", Vector::UnitZ()));
   }
-  return Eigen::Quaterniond::Identity();
+  const auto q = numbers(e, "quat", 4, 4, {1, 0, 0, 0});
+  const Eigen::Quaterniond turn(q[0], q[1], q[2], q[3]);
+  if (!(turn.norm() > 0)) fail(e.levels[0], "its quat has no length");
+  return turn.normalized();
 }
 
 Eigen::Isometry3d MjcfFile::pose(const MjcfElement& e) const {

@@ -35,7 +35,8 @@ class MjcfFile {
   // `childclass` is that of the bodies around it; "" for none.
   MjcfElement with_defaults(pugi::xml_node node, const std::string& childclass) const;
 
-  // Between `least` and `most` numbers. An absent attribute gives `otherwise`.
+  // Between `least` and `most` numbers. An absent attribute gives `otherwise`. An attribute with fewer
+  // numbers than a class further out replaces the first of them, as in MuJoCo.
   std::vector<double> numbers(const MjcfElement& e, const char* name, std::size_t least, std::size_t most,
                               std::vector<double> otherwise = {}) const;
   double number(const MjcfElement& e, const char* name, double otherwise) const;

@@ -158,6 +158,15 @@ TEST_F(MjcfTest, EveryGeomStandsWhereMuJoCoPutsIt) {
     expect_as_in_mujoco(put(compiler + inside));
 }
 
+TEST_F(MjcfTest, AnElementAndItsClassesAreMixedAsInMuJoCo) {
+  const std::string bodies =
+      "<worldbody><body name='b'><joint name='j'/><geom type='box' quat='1 2 0 0'/><geom type='capsule' "
+      "size='.07'/><geom type='ellipsoid' class='q' size='.01'/></body></worldbody>";
+  for (const std::string turn : {"euler='0 80 0'", "axisangle='0 1 0 80'", "zaxis='1 0 1'", "quat='0 1 1 0'"})
+    expect_as_in_mujoco(put("<default><geom size='.05 .1 .4' " + turn +
+                            "/><default class='q'><geom size='.2 .3'/></default></default>" + bodies));
+}
+
 TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
   const RobotTree r = read_mjcf(put(
       "<default><motor ctrlrange='-2 3'/></default><worldbody><body name='a'><geom size='.1'/><joint "
