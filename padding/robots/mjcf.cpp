@@ -49,6 +49,7 @@ class MjcfReader {
     for (const xml_node& section : file_.root().children("contact"))
       for (const xml_node& pair : section.children("pair"))
         for (const char* end : {"geom1", "geom2"}) paired_.insert(pair.attribute(end).as_string());
+    for (const xml_node& world : file_.root().children("worldbody")) add_names(world);
     add_link("world", -1, Eigen::Isometry3d::Identity());
     for (const xml_node& world : file_.root().children("worldbody"))
       add_children(world, 0, Eigen::Isometry3d::Identity(), "");
@@ -63,6 +64,8 @@ class MjcfReader {
     keep_apart();
     if (planes_ > 0) note("planes and height fields, which are left out: " + std::to_string(planes_));
     note_masses();
+    if (!unlimited_.empty())
+      note("joints that slide without limits, and stay at 0 in random poses: " + listed(unlimited_));
     if (soft_ > 0) note("soft bodies (flex), which are left out: " + std::to_string(soft_));
     return std::move(robot_);
   }
@@ -70,10 +73,27 @@ class MjcfReader {
  private:
   void note(const std::string& text) { robot_.notes.push_back(text); }
 
-  std::size_t add_link(const std::string& name, int parent, const Eigen::Isometry3d& pose) {
+  // Those that the file states.
+  void add_names(xml_node node) {
+    for (const xml_node& child : node.children()) {
+      const std::string_view kind = child.name();
+      if (kind == "body") body_names_.insert(child.attribute("name").as_string());
+      if (kind == "joint" || kind == "freejoint") joint_names_.insert(child.attribute("name").as_string());
+      add_names(child);
+    }
+  }
+
+  // The stated name of an element, or else `name` with what makes it different from all in `taken`.
+  static std::string name_of(xml_node node, std::string name, std::set<std::string>& taken) {
+    if (const std::string stated = node.attribute("name").as_string(); !stated.empty()) return stated;
+    while (!taken.insert(name).second) name += '_';
+    return name;
+  }
+
+  std::size_t add_link(const std::string& name, int parent, const Eigen::Isometry3d& pose, Joint joint = {}) {
+    if (joint.name.empty()) joint.name = name_of({}, name + "_fixed", joint_names_);
     Body body;
-    body.name = name, body.parent = parent, body.pose = pose;
-    body.joint.name = name + "_fixed";
+    body.name = name, body.parent = parent, body.pose = pose, body.joint = std::move(joint);
     const std::size_t index = robot_.links.size();
     if (!index_.emplace(name, index).second)
       throw Error(path_.string() + ": two bodies are called " + excerpt(name));
@@ -144,8 +164,7 @@ class MjcfReader {
 
   void add_body(xml_node node, std::size_t parent, const Eigen::Isometry3d& frame, const std::string& outer) {
     const std::string childclass = node.attribute("childclass").as_string(outer.c_str());
-    const std::string name =
-        node.attribute("name").as_string(("body_" + std::to_string(robot_.links.size())).c_str());
+    const std::string name = name_of(node, "body_" + std::to_string(robot_.links.size()), body_names_);
     Eigen::Isometry3d pose = frame * file_.pose({{node}});
     // The joints turn one after the other, each about its anchor, and the last one carries the body.
     std::vector<Joint> joints;
@@ -154,8 +173,9 @@ class MjcfReader {
       const bool free = std::string_view(child.name()) == "freejoint";
       if (!free && std::string_view(child.name()) != "joint") continue;
       const MjcfElement e = free ? MjcfElement{{child}} : file_.with_defaults(child, childclass);
-      const std::string called = child.attribute("name").as_string(
-          (name + (joints.empty() ? "_joint" : "_joint_" + std::to_string(joints.size() + 1))).c_str());
+      const std::string called =
+          name_of(child, name + "_joint" + (joints.empty() ? "" : "_" + std::to_string(joints.size() + 1)),
+                  joint_names_);
       joints.push_back(joint_of(child, e, called, free));
       const bool moves = joints.back().type == Joint::Type::floating;
       anchors.push_back(moves ? Vector(Vector::Zero()) : file_.vector(e, "pos", Vector::Zero()));
@@ -165,9 +185,9 @@ class MjcfReader {
     for (std::size_t k = 0; k < joints.size(); k++) {
       const bool last = k + 1 == joints.size() && anchors[k].isZero(0);
       const Vector step = anchors[k] - at;
-      const std::size_t link = add_link(last ? name : name + ":" + joints[k].name, above,
-                                        pose * Eigen::Translation3d(step) * turned_back(joints[k]));
-      robot_.model.bodies[link].joint = joints[k];
+      const std::size_t link =
+          add_link(last ? name : name_of({}, name + ":" + joints[k].name, body_names_), above,
+                   pose * Eigen::Translation3d(step) * turned_back(joints[k]), joints[k]);
       pose = Eigen::Isometry3d::Identity(), at = anchors[k], above = static_cast<int>(link);
     }
     if (joints.empty() || !at.isZero(0))
@@ -217,7 +237,7 @@ class MjcfReader {
       joint.lower = unit * range[0], joint.upper = unit * range[1];
       if (turns) joint.type = Joint::Type::revolute;
     } else if (!turns) {
-      note("joint " + excerpt(name) + " slides without limits, and stays at 0 in random poses");
+      unlimited_.push_back(name);
     }
     const auto force = file_.numbers(e, "actuatorfrcrange", 2, 2);
     if (!force.empty()) joint.effort = std::max(std::abs(force[0]), std::abs(force[1]));
@@ -432,7 +452,9 @@ class MjcfReader {
   std::map<std::string, xml_node> meshes_;
   std::map<std::string, std::size_t> index_;  // of the links
   std::set<std::string> joints_;
-  std::map<std::string, double> references_;  // `ref` of a joint, where it is not 0
+  std::set<std::string> body_names_, joint_names_;  // stated and invented ones
+  std::vector<std::string> unlimited_;              // joints that slide
+  std::map<std::string, double> references_;        // `ref` of a joint, where it is not 0
   std::vector<Geom> geoms_;
   std::map<std::size_t, std::set<Bits>> bits_;          // of each link with shapes
   std::set<std::string> paired_;                        // geoms that a <pair> names

@@ -167,6 +167,20 @@ TEST_F(MjcfTest, AnElementAndItsClassesAreMixedAsInMuJoCo) {
                             "/><default class='q'><geom size='.2 .3'/></default></default>" + bodies));
 }
 
+TEST_F(MjcfTest, InventedNamesAreThoseOfNoOther) {
+  const std::string box = "<geom type='box' size='.1 .1 .1'/>";
+  const fs::path file =
+      world("<body><joint/>" + box + "<body name='body_1' pos='1 0 0'><joint name='body_1__joint'/>" + box +
+            "</body></body><body name='b'>" + box + "</body><body name='x'><joint/><joint axis='1 0 0'/>" +
+            box + "<body name='x:x_joint_'><joint name='b_fixed'/><joint name='x_joint' axis='1 0 0'/>" +
+            box + "</body></body>");
+  std::set<std::string> bodies, joints;
+  const Model model = read_mjcf(file).model;
+  for (const Body& b : model.bodies) bodies.insert(b.name), joints.insert(b.joint.name);
+  EXPECT_EQ(bodies.size(), model.bodies.size());
+  EXPECT_EQ(joints.size(), model.bodies.size());
+}
+
 TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
   const RobotTree r = read_mjcf(put(
       "<default><motor ctrlrange='-2 3'/></default><worldbody><body name='a'><geom size='.1'/><joint "
