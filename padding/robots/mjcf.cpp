@@ -11,6 +11,7 @@
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/import/xml.h"
+#include "padding/robots/mesh_file.h"
 #include "padding/robots/mjcf_file.h"
 #include "padding/robots/urdf.h"
 
@@ -103,10 +104,12 @@ class MjcfReader {
   }
 
   fs::path mesh_file(xml_node node) const {
-    fs::path file = node.attribute("file").as_string();
-    if (file_.compiler("strippath", "false") == "true") file = file.filename();
-    const std::string folder = file_.compiler("meshdir", file_.compiler("assetdir", "").c_str());
-    return fs::absolute(path_).parent_path() / folder / file;
+    std::string name = node.attribute("file").as_string();
+    if (file_.compiler("strippath", "false") == "true") name.erase(0, name.find_last_of("/\\") + 1);
+    const fs::path folder = file_.compiler("meshdir", file_.compiler("assetdir", "").c_str());
+    const fs::path home = fs::absolute(path_).parent_path(), file = home / folder / name;
+    std::error_code code;
+    return fs::is_regular_file(file, code) ? file : home / reading::slashed((folder / name).string());
   }
 
   void add_mesh(xml_node node) {
@@ -125,7 +128,7 @@ class MjcfReader {
     shape.file = mesh_file(node);
     if (std::error_code code; !fs::is_regular_file(shape.file, code))
       throw Error(path_.string() + ", body " + excerpt(body) + ": the mesh is not there: looked for " +
-                  excerpt(shape.file.string(), 500));
+                  excerpt(shape.file.string(), 500) + reading::in_other_case(shape.file));
     shape.scale = file_.vector(e, "scale", Vector::Ones());
     if ((shape.scale.array() == 0).any()) file_.fail(node, "it has a scale of 0");
     // MuJoCo moves by refpos, turns by refquat, and scales then; a shape is scaled before it is moved.

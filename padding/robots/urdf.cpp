@@ -13,6 +13,7 @@
 #include "padding/asset/file.h"
 #include "padding/import/xml.h"
 #include "padding/input/packages.h"
+#include "padding/robots/mesh_file.h"
 
 namespace padder {
 namespace {
@@ -117,27 +118,54 @@ class UrdfReader {
     return pose;
   }
 
-  fs::path found(const std::string& reference, const std::string& where) const {
-    const fs::path home = fs::absolute(path_).lexically_normal().parent_path();
-    const bool in_package = reference.starts_with("package://") || reference.starts_with("model://");
-    const bool uri = in_package || reference.starts_with("file://");
-    const auto places = [&](const std::string& name) -> std::vector<fs::path> {
-      if (!uri) return {home / name};
-      const std::string inside = name.substr(name.find("://") + 3);
-      if (!in_package) return {inside};
-      const std::size_t slash = std::min(inside.find('/'), inside.size() - 1);
-      return places_in_package(inside.substr(0, slash), inside.substr(slash + 1), home,
-                               options_.package_folders);
+  // What a reference names: a file, or one in a package.
+  struct Place {
+    std::string package;  // "": in none
+    fs::path file;
+  };
+  Place place_of(std::string name) const {
+    const auto drop = [&](std::string_view start) {
+      const bool has = name.starts_with(start);
+      if (has) name.erase(0, start.size());
+      return has;
     };
+    const bool uri = drop("file://");
+    if (uri && !name.starts_with("/")) drop("localhost");
+    if (drop("package://") || drop("model://")) {
+      const std::size_t slash = std::min(name.find('/'), name.size());
+      return {name.substr(0, slash), name.substr(std::min(slash + 1, name.size()))};
+    }
+    if (const std::size_t end = name.find(")/"); name.starts_with("$(find ") && end != std::string::npos)
+      return {name.substr(7, end - 7), name.substr(end + 2)};
+    return {"", uri ? fs::path(name) : fs::absolute(path_).lexically_normal().parent_path() / name};
+  }
+
+  std::vector<fs::path> places(const std::string& name) const {
+    const Place place = place_of(name);
+    if (place.package.empty()) return {place.file};
+    return places_in_package(place.package, place.file, fs::absolute(path_).lexically_normal().parent_path(),
+                             options_.package_folders);
+  }
+
+  fs::path found(const std::string& reference, const std::string& where) const {
+    const bool uri = reference.find("://") != std::string::npos;
+    const std::string plain = uri ? unescaped(reference) : reference;
+    std::vector<fs::path> all;
     std::error_code code;
-    for (const std::string& name :
-         {uri ? unescaped(reference) : reference, reference})  // some forget to escape
-      for (const fs::path& p : places(name))
+    for (const std::string& name :  // some forget to escape, and some write for Windows
+         {plain, reference, reading::slashed(plain), reading::slashed(reference)})
+      for (const fs::path& p : places(name)) {
         if (fs::is_regular_file(p, code)) return p;
+        all.push_back(p);
+      }
+    std::string other;
+    for (std::size_t k = 0; k < all.size() && other.empty(); k++) other = reading::in_other_case(all[k]);
     fail(where + ": the mesh " + excerpt(reference, 200) + " is not there: " +
-         (in_package ? "neither a folder above the URDF has it, nor one of ROS_PACKAGE_PATH or "
-                       "AMENT_PREFIX_PATH; name the folder of its package with --package-path"
-                     : "looked for " + excerpt(places(reference)[0].string(), 500)));
+         (place_of(reference).package.empty()
+              ? "looked for " + excerpt(all[0].string(), 500)
+              : "neither a folder above the URDF has it, nor one of ROS_PACKAGE_PATH or AMENT_PREFIX_PATH; "
+                "name the folder of its package with --package-path") +
+         other);
   }
 
   void add_link(const pugi::xml_node& node, const char* kind, RobotTree& robot) {

@@ -9,9 +9,11 @@ namespace padder {
 // those of `visual`, and a note says so. A file that ends in .xacro is expanded by the program xacro first.
 // References to meshes:
 //   package://PKG/rest  as places_in_package (padding/input/packages.h) says
-//   file:///rest        as it stands
+//   $(find PKG)/rest    the same, after file:// or not
+//   file:///rest        as it stands, after localhost or not
 //   rest                beside the URDF
-// In the first two, %20 and the like stand for a byte, unless only a file with the text as it is exists.
+// In URIs, %20 and the like stand for a byte, unless only a file with the text as it is exists. Where no file
+// is named so, a backslash separates folders.
 // Only meshes that will be padded must exist. Throws Error, which names the link or joint, for a file that is
 // no robot, has no link, has a name twice, has a joint to a missing link or joints that form no tree, for a
 // mesh that was not found (with the places where it was looked for), and for text where a number should be.

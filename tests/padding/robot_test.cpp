@@ -227,6 +227,24 @@ TEST_F(RobotTest, PackagesAreFoundByTheirNames) {
             "else/gripper-main/meshes/tet.obj");
 }
 
+TEST_F(RobotTest, AMeshIsFoundHoweverItIsWritten) {
+  fs::create_directories(folder_ / "pkg/meshes");
+  write_file(folder_ / "pkg/meshes/Tet.obj", "v 0 0 0\n");
+  const auto read = [&](const std::string& name) {
+    const std::string mesh = "<collision><geometry><mesh filename='" + name + "'/></geometry></collision>";
+    return fs::relative(read_urdf(urdf(link("a", mesh))).links[0].shapes[0].file, folder_).lexically_normal();
+  };
+  const std::string absolute = (folder_ / "pkg/meshes/Tet.obj").string();
+  for (const std::string& name :
+       {std::string("..\\meshes\\Tet.obj"), std::string("package://pkg\\meshes\\Tet.obj"),
+        std::string("file://$(find pkg)/meshes/Tet.obj"), std::string("$(find pkg)/meshes/Tet.obj"),
+        "file://localhost" + absolute, "file://" + absolute})
+    EXPECT_EQ(read(name), "pkg/meshes/Tet.obj") << name;
+  for (const std::string name : {"package://pkg/meshes/TET.obj", "../Meshes/tet.obj", "..\\meshes\\tet.OBJ"})
+    EXPECT_TRUE(refuses([&] { read(name); }, "pkg/meshes/Tet.obj is there: write the name with")) << name;
+  EXPECT_EQ(error_of([&] { read("../meshes/box.obj"); }).find("is there"), std::string::npos);
+}
+
 // One tolerance for all links, found for a number of spheres; and the same spheres for any number of threads.
 TEST_F(RobotTest, ANumberOfSpheresForTheWholeRobot) {
   const fs::path file =

@@ -284,6 +284,22 @@ TEST_F(MjcfTest, AStatedMassCountsWhereMuJoCoTakesIt) {
   EXPECT_TRUE(r.model.bodies[2].inertial);
 }
 
+TEST_F(MjcfTest, BackslashesSeparateFolders) {
+  fs::create_directories(folder_ / "meshes");
+  write_file(folder_ / "meshes/tet.obj", kTet);
+  const auto mesh = [&](const std::string& compiler, const std::string& file) {
+    return read_mjcf(put(compiler + "<asset><mesh name='m' file='" + file +
+                         "'/></asset><worldbody><geom type='mesh' mesh='m'/></worldbody>"))
+        .links[0]
+        .shapes.at(0)
+        .file;
+  };
+  EXPECT_EQ(mesh("", "meshes\\tet.obj"), folder_ / "meshes/tet.obj");
+  EXPECT_EQ(mesh("<compiler meshdir='meshes' strippath='true'/>", "C:\\parts\\tet.obj"),
+            folder_ / "meshes/tet.obj");
+  EXPECT_TRUE(refuses([&] { mesh("", "meshes/Tet.obj"); }, "meshes/tet.obj is there"));
+}
+
 // As a mesh file that is not there.
 TEST_F(MjcfTest, AMeshThatNoPaddedGeomUsesIsNotRead) {
   const RobotTree r = read_mjcf(
