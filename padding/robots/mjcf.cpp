@@ -11,6 +11,7 @@
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/import/xml.h"
+#include "padding/input/text.h"
 #include "padding/robots/mesh_file.h"
 #include "padding/robots/mjcf_file.h"
 #include "padding/robots/urdf.h"
@@ -510,8 +511,10 @@ bool says_more_than_spheres(const xml_node& node) {
 
 }  // namespace
 
-bool is_robot_xml(const fs::path& path) try {
-  if (path.extension() != ".xml") return false;
+bool is_robot_file(const fs::path& path) try {
+  const std::string ending = reading::lower_case(path.extension().string());
+  if (ending == ".urdf" || ending == ".xacro") return true;
+  if (ending != ".xml") return false;
   pugi::xml_document document;
   importing::load_xml(document, read_file(path, kMostText), path.string());
   const auto is_geom = [](const xml_node& node) { return std::string_view(node.name()) == "geom"; };
@@ -522,7 +525,9 @@ bool is_robot_xml(const fs::path& path) try {
 }
 
 RobotTree read_robot(const fs::path& path, const RobotReadOptions& options) {
-  return path.extension() == ".xml" && !is_urdf(path) ? read_mjcf(path, options) : read_urdf(path, options);
+  return reading::lower_case(path.extension().string()) == ".xml" && !is_urdf(path)
+             ? read_mjcf(path, options)
+             : read_urdf(path, options);
 }
 
 }  // namespace padder

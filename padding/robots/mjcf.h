@@ -29,9 +29,10 @@ namespace padder {
 // number where one should be, a class or mesh that is not there, a name twice, a mesh file that is not there.
 RobotTree read_mjcf(const std::filesystem::path& path, const RobotReadOptions& options = {});
 
-// Is it a robot to be padded, and not a file of spheres? It is one unless it is an MJCF that says no more
-// than which spheres its bodies have. A .xml that cannot be read counts, too.
-bool is_robot_xml(const std::filesystem::path& path);
+// Is it a robot to be padded, and not a file of spheres? A .urdf, a .xacro and a .xml are, in any case of
+// letters, but for an MJCF that says no more than which spheres its bodies have. A .xml that cannot be read
+// counts, too.
+bool is_robot_file(const std::filesystem::path& path);
 
 // By read_mjcf if the file ends in .xml and is no URDF, otherwise by read_urdf.
 RobotTree read_robot(const std::filesystem::path& path, const RobotReadOptions& options = {});

@@ -13,6 +13,7 @@
 #include "padding/asset/file.h"
 #include "padding/import/xml.h"
 #include "padding/input/packages.h"
+#include "padding/input/text.h"
 #include "padding/robots/mesh_file.h"
 
 namespace padder {
@@ -26,28 +27,40 @@ class UrdfReader {
 
   RobotTree read() {
     RobotTree robot;
-    robot.model.urdf = path_.extension() == ".xacro" ? expanded() : read_file(path_, kMostText);
+    robot.model.urdf = reading::lower_case(path_.extension().string()) == ".xacro"
+                           ? expanded()
+                           : read_file(path_, kMostText);
     robot.model.file = path_.filename().string();
     robot.model.unit = "m";
     pugi::xml_document document;
     importing::load_xml(document, robot.model.urdf, path_.string());
     const pugi::xml_node root = document.child("robot");
     if (!root) fail("<robot> is not its root");
+    const auto of_xacro = [](const auto& n) { return std::string_view(n.name()).starts_with("xacro:"); };
+    if (const auto macro = document.find_node(of_xacro))
+      fail("it holds <" + excerpt(macro.name()) +
+           ">, which the program xacro expands: expand it, or give the file an ending of .xacro");
     robot.model.name = root.attribute("name").as_string("robot");
-    bool collision = false;
+    bool collision = false, seen = false;
     for (const auto& link : root.children("link"))
-      if (link.child("collision")) collision = true;
+      collision |= !link.child("collision").empty(), seen |= !link.child("visual").empty();
     const bool visual = options_.visual || !collision;
     for (const auto& link : root.children("link")) add_link(link, visual ? "visual" : "collision", robot);
     if (links_.empty()) fail("there is no <link> in it");
     for (const auto& joint : root.children("joint")) add_joint(joint);
     check_mimics();
-    if (!collision) robot.notes.push_back("no link has collision geometry: the visual geometry was padded");
+    if (!collision && seen)
+      robot.notes.push_back("no link has collision geometry: the visual geometry was padded");
     note_bare(robot, bare_, visual);
+    std::vector<std::string> crossed;
     for (const Body& b : bodies_)
-      if (b.joint.lower > b.joint.upper)
-        robot.notes.push_back("joint " + excerpt(b.joint.name) +
-                              ": its lower limit is above its upper one, so it is taken to have no limits");
+      if (b.joint.lower > b.joint.upper) crossed.push_back(b.joint.name);
+    const auto note = [&](const char* what, const std::vector<std::string>& joints) {
+      if (!joints.empty()) robot.notes.push_back(what + listed(joints));
+    };
+    note("joints whose lower limit is above the upper one are taken to have no limits: ", crossed);
+    note("joints whose axis has no length are taken as fixed: ", axisless_);
+    note("joints that mimic one that is not there are taken to follow none: ", leaderless_);
     order(robot);
     return robot;
   }
@@ -90,8 +103,10 @@ class UrdfReader {
     return {(*v)[0], (*v)[1], (*v)[2]};
   }
   static std::string wants(const char* what, const pugi::xml_attribute& attribute) {
-    return std::string(attribute.name()) + " wants " + what + ", not \"" + excerpt(attribute.as_string()) +
-           "\"";
+    const std::string text = attribute.as_string();
+    const bool xacro = text.find("${") != std::string::npos || text.find("$(") != std::string::npos;
+    return std::string(attribute.name()) + " wants " + what + ", not \"" + excerpt(text) + "\"" +
+           (xacro ? ": expand the file with the program xacro first" : "");
   }
   double one(const pugi::xml_node& node, const char* name, const std::string& where) const {
     const pugi::xml_attribute attribute = node.attribute(name);
@@ -108,13 +123,22 @@ class UrdfReader {
 
   Eigen::Isometry3d place(const pugi::xml_node& origin, const std::string& where) const {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    const Vector rpy = three(origin.attribute("rpy"), Vector::Zero(), where);
+    const pugi::xml_attribute rpy = origin.attribute("rpy"), quat = origin.attribute("quat_xyzw");
+    if (rpy && quat) fail(where + ": an origin has rpy and quat_xyzw, leave one out");
     pose.translation() = three(origin.attribute("xyz"), Vector::Zero(), where);
-    if (!rpy.isZero(0))
+    const Vector turn = three(rpy, Vector::Zero(), where);
+    if (!turn.isZero(0))
       pose.linear() =
-          (Eigen::AngleAxisd(rpy.z(), Vector::UnitZ()) * Eigen::AngleAxisd(rpy.y(), Vector::UnitY()) *
-           Eigen::AngleAxisd(rpy.x(), Vector::UnitX()))
+          (Eigen::AngleAxisd(turn.z(), Vector::UnitZ()) * Eigen::AngleAxisd(turn.y(), Vector::UnitY()) *
+           Eigen::AngleAxisd(turn.x(), Vector::UnitX()))
               .toRotationMatrix();
+    if (quat) {
+      const auto v = importing::numbers_in(quat.as_string());
+      const Eigen::Vector4d q = v && v->size() == 4 ? Eigen::Vector4d(v->data()) : Eigen::Vector4d::Zero();
+      if (!(q.norm() > 0) || !std::isfinite(q.norm()))
+        fail(where + ": " + wants("four numbers that are not all 0", quat));
+      pose.linear() = Eigen::Quaterniond(q.normalized()).toRotationMatrix();
+    }
     return pose;
   }
 
@@ -251,10 +275,10 @@ class UrdfReader {
     const std::size_t parent = link("parent"), child = link("child");
     if (parents_[child] >= 0) fail(where + ": " + excerpt(links_[child].name) + " has a parent already");
     const Vector axis = three(node.child("axis").attribute("xyz"), Vector::UnitX(), where);
-    const bool turns = joint.type != Joint::Type::fixed && joint.type != Joint::Type::floating &&
-                       joint.type != Joint::Type::ball;
-    if (turns && !(axis.norm() > 0)) fail(where + ": its axis has no length");
-    if (turns) joint.axis = axis.normalized();
+    const bool has_axis = joint.type != Joint::Type::fixed && joint.type != Joint::Type::floating &&
+                          joint.type != Joint::Type::ball;
+    if (has_axis && axis.norm() > 0) joint.axis = axis.normalized();
+    if (has_axis && !(axis.norm() > 0)) joint.type = Joint::Type::fixed, axisless_.push_back(joint.name);
     if (const auto limit = node.child("limit"); limit && joint.may_have_limits()) {
       if (limit.attribute("lower")) joint.lower = one(limit, "lower", where);
       if (limit.attribute("upper")) joint.upper = one(limit, "upper", where);
@@ -275,11 +299,12 @@ class UrdfReader {
     bodies_[child].pose = place(node.child("origin"), where);
   }
 
-  void check_mimics() const {
-    for (const Body& b : bodies_)
-      if (!b.joint.mimic.empty() && (b.joint.mimic == b.joint.name || !joint_names_.contains(b.joint.mimic)))
-        fail("joint " + excerpt(b.joint.name) + ": it mimics " + excerpt(b.joint.mimic) +
-             ", which is no other joint of this robot");
+  void check_mimics() {
+    for (Body& b : bodies_) {
+      if (b.joint.mimic.empty() || joint_names_.contains(b.joint.mimic)) continue;
+      leaderless_.push_back(b.joint.name);
+      b.joint.mimic.clear();
+    }
     std::map<std::string_view, const Joint*> named;
     for (const Body& b : bodies_) named[b.joint.name] = &b.joint;
     for (const Body& b : bodies_) {
@@ -324,6 +349,7 @@ class UrdfReader {
   std::vector<int> parents_;
   std::map<std::string, std::size_t, std::less<>> index_;
   std::set<std::string> joint_names_;
+  std::vector<std::string> axisless_, leaderless_;  // joints
   std::vector<std::string> bare_;  // links that have no shapes of the kind asked for, but of the other
 };
 

@@ -15,8 +15,9 @@ namespace padder {
 // In URIs, %20 and the like stand for a byte, unless only a file with the text as it is exists. Where no file
 // is named so, a backslash separates folders.
 // Only meshes that will be padded must exist. Throws Error, which names the link or joint, for a file that is
-// no robot, has no link, has a name twice, has a joint to a missing link or joints that form no tree, for a
-// mesh that was not found (with the places where it was looked for), and for text where a number should be.
+// no robot, holds elements of xacro, has no link, has a name twice, has a joint to a missing link or joints
+// that form no tree, for a mesh that was not found (with the places where it was looked for), and for text
+// where a number should be.
 RobotTree read_urdf(const std::filesystem::path& path, const RobotReadOptions& options = {});
 
 }  // namespace padder

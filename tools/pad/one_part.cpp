@@ -24,8 +24,7 @@ namespace fs = std::filesystem;
 bool is_robot(const std::string& file) {
   static std::map<std::string, bool> known;  // to tell, an .xml must be parsed
   const auto [at, fresh] = known.try_emplace(file);
-  const std::string ending = fs::path(file).extension().string();
-  if (fresh) at->second = ending == ".urdf" || ending == ".xacro" || is_robot_xml(file);
+  if (fresh) at->second = is_robot_file(file);
   return at->second;
 }
 

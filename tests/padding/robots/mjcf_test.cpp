@@ -313,7 +313,7 @@ TEST_F(MjcfTest, AMeshThatNoPaddedGeomUsesIsNotRead) {
 TEST_F(MjcfTest, SpheresThatSayMoreAreARobot) {
   const auto robot = [&](const std::string& text) {
     write_file(folder_ / "s.xml", text);
-    return is_robot_xml(folder_ / "s.xml");
+    return is_robot_file(folder_ / "s.xml");
   };
   const std::string plain = "<body name='b'><geom size='.1' pos='1 0 0'/></body>";
   EXPECT_FALSE(robot("<mujoco><worldbody>" + plain + "</worldbody></mujoco>"));
@@ -339,11 +339,13 @@ TEST_F(MjcfTest, APaddedRobotIsTheSameRobot) {
       "range='-60 "
       "60'/><inertial pos='0 0 -.2' mass='2' diaginertia='.1 .1 .1'/><geom type='capsule' size='.03' "
       "fromto='0 0 0 0 0 -.4'/></body></body>");
-  ASSERT_TRUE(is_robot_xml(file));
+  ASSERT_TRUE(is_robot_file(file));
+  for (const char* name : {"a.urdf", "A.URDF", "a.Xacro"}) EXPECT_TRUE(is_robot_file(name));
+  EXPECT_FALSE(is_robot_file("a.stl"));
   PadOptions options;
   options.tolerance = Length::share(0.05);
   const PaddedRobot r = pad_robot(file, options);
-  EXPECT_FALSE(is_robot_xml(write(r.model, "out.xml")));
+  EXPECT_FALSE(is_robot_file(write(r.model, "out.xml")));
   char error[1000] = "";
   mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
   ASSERT_NE(m, nullptr) << error;
