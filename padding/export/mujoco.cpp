@@ -99,7 +99,8 @@ class MjcfWriter {
   }
 
   bool weighs(std::size_t b) const {  // with what is fixed to it
-    if (inertial_of(job_.model.bodies[b], job_.options.density)) return true;
+    const auto own = inertial_of(job_.model.bodies[b], job_.options.density);
+    if (own && own->mass > 0) return true;
     for (const std::size_t child : children_[b])
       if (job_.model.bodies[child].joint.type == Joint::Type::fixed && weighs(child)) return true;
     return false;

@@ -83,7 +83,14 @@ std::string text_of(const pugi::xml_document& document) {
   return out.str();
 }
 
-// Writes the document that the robot was read from. Only <collision> changes; a missing <inertial> is added.
+// urdfdom refuses the robot without these.
+void fill(pugi::xml_node element, std::initializer_list<const char*> attributes) {
+  for (const char* name : attributes)
+    if (element && !element.attribute(name)) set(element, name, "0");
+}
+
+// Writes the document that the robot was read from. Only <collision> changes; a missing <inertial> is added,
+// and numbers that are missing of one or of a <limit>.
 std::string edited(const Job& job) {
   pugi::xml_document document;
   if (!document.load_buffer(job.model.urdf.data(), job.model.urdf.size(), pugi::parse_full))
@@ -98,8 +105,11 @@ std::string edited(const Job& job) {
     while (link.remove_child("collision")) continue;
     const auto inertial = inertial_of(body, job.options.density);
     if (inertial && !link.child("inertial")) prepend_inertial(link, *inertial);
+    fill(link.child("inertial").child("inertia"), {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"});
     append_collisions(link, body.cluster);
   }
+  for (const pugi::xml_node joint : robot.children("joint"))
+    fill(joint.child("limit"), {"effort", "velocity"});
   return text_of(document);
 }
 

@@ -321,9 +321,13 @@ TEST_F(MujocoTest, EveryTypeOfJointAndNoMassAtAll) {
     Model m = arm();
     m.bodies[1].joint.type = type;
     for (Body& b : m.bodies) b.cluster.mass = {};
-    load(m);
-    EXPECT_EQ(m_->nv, ways + 1);
-    unload();
+    for (const bool stated : {false, true}) {  // a mass of 0, as URDFs have it for links without one
+      for (Body& b : m.bodies)
+        if (stated && b.parent >= 0) b.inertial = Inertial{};
+      load(m);
+      EXPECT_EQ(m_->nv, ways + 1);
+      unload();
+    }
   }
 }
 

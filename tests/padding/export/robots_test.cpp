@@ -105,6 +105,21 @@ TEST_F(RobotsTest, CheckUrdfAcceptsIt) {
   EXPECT_NE(r.output.find("root Link: world has 2 child"), std::string::npos) << r.output;
 }
 
+// urdfdom refuses a URDF without them, which others read.
+TEST_F(RobotsTest, MissingNumbersAreFilledWithZeros) {
+  Model m = arm();
+  m.urdf = "<robot name='r'>";
+  for (const Body& b : m.bodies)
+    m.urdf += "<link name='" + b.name +
+              "'><inertial><mass value='1'/><inertia ixx='1' iyy='2' izz='3'/></inertial></link>";
+  m.urdf += "<joint name='j'><limit lower='-1'/></joint></robot>";
+  const std::string out = text(m, "o.urdf");
+  EXPECT_NE(out.find("<inertia ixx=\"1\" iyy=\"2\" izz=\"3\" ixy=\"0\" ixz=\"0\" iyz=\"0\""),
+            std::string::npos)
+      << out;
+  EXPECT_NE(out.find("<limit lower=\"-1\" effort=\"0\" velocity=\"0\""), std::string::npos) << out;
+}
+
 TEST_F(RobotsTest, PosesOfJointsSurviveTheirAngles) {
   Model m = arm();
   for (const Vector& angles :
