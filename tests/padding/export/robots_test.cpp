@@ -105,6 +105,16 @@ TEST_F(RobotsTest, CheckUrdfAcceptsIt) {
   EXPECT_NE(r.output.find("root Link: world has 2 child"), std::string::npos) << r.output;
 }
 
+TEST_F(RobotsTest, ABallJointThatFloatsInAUrdfIsTold) {
+  Model m = arm();
+  m.bodies[1].joint.type = Joint::Type::ball;
+  const auto warnings = write_model(m, folder_ / "a.urdf", find_format("a.urdf"));
+  ASSERT_EQ(warnings.size(), 1u);
+  EXPECT_NE(warnings[0].find(m.bodies[1].joint.name + " and its like are floating"), std::string::npos)
+      << warnings[0];
+  EXPECT_TRUE(write_model(m, folder_ / "a.xml", find_format("a.xml")).empty());
+}
+
 // urdfdom refuses a URDF without them, which others read.
 TEST_F(RobotsTest, MissingNumbersAreFilledWithZeros) {
   Model m = arm();
