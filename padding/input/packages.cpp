@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "padding/input/packages.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cstdlib>
 #include <pugixml.hpp>
@@ -42,16 +43,30 @@ std::string package_name(const fs::path& folder) {
 
 // A package may lie beside the URDF, beside its folder, or beside the package that has this folder.
 constexpr int kPackageBeside = 2;
+// Folders of packages are searched so deep: WORKSPACE/src/REPOSITORY/PACKAGE is of 3.
+constexpr int kPackageBelow = 4;
 
 void look_in(const fs::path& folder, const std::string& name, std::vector<fs::path>& roots) {
   roots.push_back(folder / name);
   if (package_name(folder) == name) roots.push_back(folder);
 }
 
-void look_below(const fs::path& folder, const std::string& name, std::vector<fs::path>& roots) {
-  std::error_code code;
-  for (const auto& entry : fs::directory_iterator(folder, code))
-    if (entry.is_directory(code) && package_name(entry.path()) == name) roots.push_back(entry.path());
+// The nearest come first. A package has none inside it.
+void look_below(const fs::path& folder, const std::string& name, int depth, std::vector<fs::path>& roots) {
+  std::vector<fs::path> level{folder}, next;
+  for (int k = 1; k <= depth; k++, level.swap(next), next.clear()) {
+    for (const fs::path& above : level) {
+      std::error_code code;
+      for (const auto& entry : fs::directory_iterator(above, code)) {
+        const fs::path& at = entry.path();
+        if (!entry.is_directory(code) || at.filename().string().starts_with('.')) continue;
+        if ((k > 1 && at.filename() == name) || package_name(at) == name) roots.push_back(at);
+        // What a link leads to could lead back.
+        if (!entry.is_symlink(code) && !fs::exists(at / "package.xml", code)) next.push_back(at);
+      }
+    }
+    std::ranges::sort(next);
+  }
 }
 
 }  // namespace
@@ -71,19 +86,19 @@ std::string unescaped(std::string_view uri) {
 std::vector<fs::path> places_in_package(const std::string& name, const fs::path& rest, const fs::path& home,
                                         const std::vector<fs::path>& folders) {
   std::vector<fs::path> roots;
-  const auto look = [&](const fs::path& folder) {
+  const auto look = [&](const fs::path& folder, int depth) {
     look_in(folder, name, roots);
-    look_below(folder, name, roots);
+    look_below(folder, name, depth, roots);
   };
-  for (const fs::path& folder : folders) look(folder);
+  for (const fs::path& folder : folders) look(folder, kPackageBelow);
   // Of the folders far above not all others in them are read.
   int above = 0;
   for (fs::path folder = home;; folder = folder.parent_path(), above++) {
-    above <= kPackageBeside ? look(folder) : look_in(folder, name, roots);
+    above <= kPackageBeside ? look(folder, 1) : look_in(folder, name, roots);
     if (folder == folder.parent_path()) break;
   }
   for (const fs::path& folder : listed_in("ROS_PACKAGE_PATH")) {
-    look(folder);
+    look(folder, kPackageBelow);
     if (folder.filename() == name) roots.push_back(folder);
   }
   for (const fs::path& prefix : listed_in("AMENT_PREFIX_PATH")) roots.push_back(prefix / "share" / name);

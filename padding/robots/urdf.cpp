@@ -167,8 +167,13 @@ class UrdfReader {
   std::vector<fs::path> places(const std::string& name) const {
     const Place place = place_of(name);
     if (place.package.empty()) return {place.file};
-    return places_in_package(place.package, place.file, fs::absolute(path_).lexically_normal().parent_path(),
-                             options_.package_folders);
+    const auto [at, fresh] = packages_.try_emplace(place.package);
+    if (fresh)
+      at->second = places_in_package(place.package, "", fs::absolute(path_).lexically_normal().parent_path(),
+                                     options_.package_folders);
+    std::vector<fs::path> files;
+    for (const fs::path& root : at->second) files.push_back(root / place.file);
+    return files;
   }
 
   fs::path found(const std::string& reference, const std::string& where) const {
@@ -344,6 +349,7 @@ class UrdfReader {
 
   fs::path path_;
   const RobotReadOptions& options_;
+  mutable std::map<std::string, std::vector<fs::path>> packages_;  // where each may be: searching takes long
   std::vector<RobotLink> links_;
   std::vector<Body> bodies_;
   std::vector<int> parents_;

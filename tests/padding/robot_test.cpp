@@ -224,6 +224,14 @@ TEST_F(RobotTest, PackagesAreFoundByTheirNames) {
   EXPECT_THROW(found("gripper"), Error);
   EXPECT_EQ(found("gripper", {.package_folders = {folder_ / "else"}, .visual = false}),
             "else/gripper-main/meshes/tet.obj");
+  package("deep/ws/src/repository/hand-1", "hand");
+  mesh("deep/ws/src/foot");
+  package("deep/other/inner", "inner");
+  package("deep/other", "other");
+  const RobotReadOptions deep{.package_folders = {folder_ / "deep"}};
+  EXPECT_EQ(found("hand", deep), "deep/ws/src/repository/hand-1/meshes/tet.obj");
+  EXPECT_EQ(found("foot", deep), "deep/ws/src/foot/meshes/tet.obj");
+  EXPECT_THROW(found("inner", deep), Error);
 }
 
 TEST_F(RobotTest, AMeshIsFoundHoweverItIsWritten) {
