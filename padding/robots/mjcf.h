@@ -27,6 +27,7 @@ namespace padder {
 // coordinate="global", `replicate`, `composite`, `flexcomp`, `attach`, meshes whose vertices stand in the
 // file, geoms that are fitted to a mesh, joints in a `frame`. It also throws for what MuJoCo refuses: no
 // number where one should be, a class or mesh that is not there, a name twice, a mesh file that is not there.
+// Of geoms that are not padded, the shapes are not read.
 RobotTree read_mjcf(const std::filesystem::path& path, const RobotReadOptions& options = {});
 
 // Is it a robot to be padded, and not a file of spheres? A .urdf, a .xacro and a .xml are, in any case of

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
+#include <optional>
 #include <pugixml.hpp>
 #include <set>
 
@@ -142,9 +143,11 @@ class UrdfReader {
     return pose;
   }
 
+  fs::path home() const { return fs::absolute(path_).lexically_normal().parent_path(); }
+
   // What a reference names: a file, or one in a package.
   struct Place {
-    std::string package;  // "": in none
+    std::optional<std::string> package;  // "" is searched for, too: package:///rest
     fs::path file;
   };
   Place place_of(std::string name) const {
@@ -161,16 +164,14 @@ class UrdfReader {
     }
     if (const std::size_t end = name.find(")/"); name.starts_with("$(find ") && end != std::string::npos)
       return {name.substr(7, end - 7), name.substr(end + 2)};
-    return {"", uri ? fs::path(name) : fs::absolute(path_).lexically_normal().parent_path() / name};
+    return {{}, uri ? fs::path(name) : home() / name};
   }
 
   std::vector<fs::path> places(const std::string& name) const {
     const Place place = place_of(name);
-    if (place.package.empty()) return {place.file};
-    const auto [at, fresh] = packages_.try_emplace(place.package);
-    if (fresh)
-      at->second = places_in_package(place.package, "", fs::absolute(path_).lexically_normal().parent_path(),
-                                     options_.package_folders);
+    if (!place.package) return {place.file};
+    const auto [at, fresh] = packages_.try_emplace(*place.package);
+    if (fresh) at->second = places_in_package(*place.package, "", home(), options_.package_folders);
     std::vector<fs::path> files;
     for (const fs::path& root : at->second) files.push_back(root / place.file);
     return files;
@@ -190,7 +191,7 @@ class UrdfReader {
     std::string other;
     for (std::size_t k = 0; k < all.size() && other.empty(); k++) other = reading::in_other_case(all[k]);
     fail(where + ": the mesh " + excerpt(reference, 200) + " is not there: " +
-         (place_of(reference).package.empty()
+         (!place_of(reference).package
               ? "looked for " + excerpt(all[0].string(), 500)
               : "neither a folder above the URDF has it, nor one of ROS_PACKAGE_PATH or AMENT_PREFIX_PATH; "
                 "name the folder of its package with --package-path") +
