@@ -520,7 +520,8 @@ bodies = padder.Bodies([shape], np.tile(np.r_[np.eye(3).ravel(), 0, 0, 0], (2000
 bodies.poses[:, 9] = 10 * np.arange(20000)
 detector = padder.Detector(backend="omp", threads=2)
 def work():
-    return (len(detector.detect(centers, radii)), len(padder.detect(centers, radii, backend="omp", threads=2)), len(shape._repr_html_()),
+    found = detector.detect(centers, radii)
+    return (len(found), found.hash, len(padder.detect(centers, radii, backend="omp", threads=2)), len(shape._repr_html_()),
             bodies.with_lod().lod_error, len(padder.pad(np.array({CUBE.tolist()}), np.array({FACES.tolist()}), tolerance="20%")))
 expected = work()
 if os.fork() == 0:

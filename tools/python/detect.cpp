@@ -23,6 +23,19 @@ using Threads = Whole<int, detect::kMostThreads>;
 // A detector and who uses it. The arrays that its last call returned are views of its memory. Everything but
 // `detector` is protected by Python's global lock.
 struct SharedDetector {
+  // Returns what `work(detector)` returns, which no other thread may disturb.
+  template <class Work>
+  auto use(Work work) {
+    busy = true;
+    struct Done {
+      bool& busy;
+      ~Done() { busy = false; }
+    } done{busy};
+    return unlocked([&] { return work(*detector); });
+  }
+  void check_idle() const {
+    if (busy) throw Error("this detector is working in another thread: make one detector for each thread");
+  }
   std::unique_ptr<detect::Detector> detector;
   std::uint64_t calls = 0, revision = 0;  // of the last call; 0 if it threw
   std::size_t bodies = 0;                 // of that revision
@@ -90,8 +103,8 @@ class PyContacts : public Views {
 
   std::uint64_t count() const { return contacts_.count; }
   std::uint64_t hash() const {
-    check();
-    return shared_->detector->hash();
+    check(), shared_->check_idle();
+    return shared_->use([](const detect::Detector& d) { return d.hash(); });
   }
   py::object pairs() const {
     check();
@@ -340,8 +353,7 @@ class PyDetector {
     in.input.revision = scene.revision;
     add_spheres(in, scene);
     add_poses(in, scene.poses, scene.moved);
-    if (shared_->busy)
-      throw Error("this detector is working in another thread: make one detector for each thread");
+    shared_->check_idle();
     if (shared_->lent)
       throw Error(
           "arrays of the last contacts are still in use, and the detector would overwrite them: copy what "
@@ -353,13 +365,9 @@ class PyDetector {
     o.scalar = in.scalar, o.output = in.memory, o.margin = margin;
     check(o);
     shared_->detector->options() = o;
-    shared_->calls++, shared_->busy = true, shared_->revision = 0;
-    struct Done {
-      SharedDetector& shared;
-      ~Done() { shared.busy = false; }
-    } done{*shared_};
+    shared_->calls++, shared_->revision = 0;
     try {
-      unlocked([&] { work(*shared_->detector, in); });
+      shared_->use([&](detect::Detector& d) { work(d, in); });
       shared_->revision = in.input.revision, shared_->bodies = in.input.bodies.size();
     } catch (const Error& e) {
       if (numbers_at_fault(in)) throw py::value_error(e.what());
