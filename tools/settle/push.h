@@ -75,6 +75,9 @@ PADDER_HD void add_bushing(const Bushing& u, const MoverState& a, const MoverSta
                            Load* on_b) {
   Vec3 arm_a, arm_b;
   const Vec3 apart = stretch_of(u, a.position, b.position, rotation_a, rotation_b, arm_a, arm_b);
+  // Both forces act midway between the two points. At the points themselves those of the dashpot, which are
+  // not along `apart`, would be a couple that turns two free bodies.
+  arm_a = arm_a - 0.5 * apart, arm_b = arm_b + 0.5 * apart;
   const Vec3 speed = a.velocity + cross(a.spin, arm_a) - b.velocity - cross(b.spin, arm_b);
   const Vec3 force = -u.stiffness * apart - u.damping * speed;
   if (on_a) on_a->force = on_a->force + force, on_a->torque = on_a->torque + cross(arm_a, force);
