@@ -208,6 +208,14 @@ std::uint64_t fingerprint(const System& s) {
     h.add(double(u.a)), h.add(double(u.b)), h.add(u.stiffness), h.add(u.damping);
     h.add(std::span<const Vec3>(&u.on_a, 1)), h.add(std::span<const Vec3>(&u.on_b, 1));
   }
+  // Of what nothing can move: where it stands, or how a driven body goes on.
+  for (std::size_t m = 0; m < s.movers(); m++) {
+    if (s.inverse_mass[m] != 0) continue;
+    const bool body = m < s.bodies.size(), driven = body && s.driven[m];
+    h.add(std::span<const Vec3>(driven ? &s.velocity[m] : &s.position[m], 1));
+    if (driven) h.add(std::span<const Vec3>(&s.spin[m], 1));
+    if (body && !driven) h.add(std::span<const Quaternion>(&s.orientation[m], 1));
+  }
   return h.value();
 }
 

@@ -11,6 +11,7 @@
 #include "detect/scene/generate.h"
 #include "tests/detect/print.h"
 #include "tests/error_of.h"
+#include "tools/settle/files.h"
 #include "tools/settle/page/page.h"
 #include "tools/settle/stepper.h"
 
@@ -423,6 +424,29 @@ TEST_P(SettleTest, ARunThatIsResumedHasTheBitsOfOneThatIsNot) {
   expect_same_bits(whole, second);
   EXPECT_GT(whole.contacts(), 10u);
   EXPECT_GT(whole.snapshot().contacts.size(), 2u);
+}
+
+// Everything that a run does not change is in the fingerprint by which a checkpoint knows its scene.
+TEST_P(SettleTest, AFingerprintIsOfWhatIsStaticAndDrivenToo) {
+  System s = empty_system();
+  const Mass mass = rod(s, 3, 0.01, 0.015, 2500);
+  add_body(s, 0, {}, {0, 0, 0}, {});
+  add_body(s, 0, mass, {0, 0, 0.1}, {});
+  s.driven[1] = 1, s.inverse_mass[1] = 0, s.velocity[1] = {0.1, 0, 0}, s.spin[1] = {0, 0, 1};
+  add_grain(s, {0, 0, 0.2}, 0.01, 2500), add_grain(s, {0, 0.3, 0}, 0.01, 2500);
+  s.inverse_mass[3] = 0, s.grain_static = {0, 1};
+  s.step = step_limits(s).chosen;
+  const std::uint64_t first = fingerprint(s);
+  Stepper stepper(s, on());
+  stepper.step(20);
+  EXPECT_EQ(fingerprint(stepper.system()), first);
+  std::vector<System> edited(5, s);
+  edited[0].position[0].x = 0.01;
+  edited[1].orientation[0] = turned({}, {0, 0, 0.1});
+  edited[2].velocity[1].x = 0.2;
+  edited[3].spin[1].z = 2;
+  edited[4].position[3].y = 0.31;
+  for (std::size_t k = 0; k < edited.size(); k++) EXPECT_NE(fingerprint(edited[k]), first) << k;
 }
 
 // Two grains that press each other, one of them the floor as well: before the first step, and again where a
