@@ -237,7 +237,10 @@ void write_checkpoint(const Stepper& stepper, const std::filesystem::path& path)
   Npz arrays;
   arrays["scene"] = npy_array(scene.data(), {1, 2}), arrays["steps"] = npy_array(steps.data(), {1, 2});
   const std::vector<double> slow = halves(s.slow_since);
-  if (s.slow_since != kNever) arrays["slow_since"] = npy_array(slow.data(), {1, 2});
+  if (s.slow_since != kNever) {
+    arrays["slow_since"] = npy_array(slow.data(), {1, 2});
+    arrays["slow_speed"] = npy_array(&s.slow_speed, {1, 1});
+  }
   arrays["position"] = of(s.position), arrays["velocity"] = of(s.velocity);
   arrays["momentum"] = of(s.momentum), arrays["spin"] = of(s.spin);
   arrays["orientation"] =
@@ -256,7 +259,10 @@ void read_checkpoint(Stepper& stepper, const std::filesystem::path& path) {
         ": the checkpoint is of another scene: resume it with the scene and the time step that wrote it");
   Snapshot s;
   s.steps = joined(pair_of("steps"), where);
-  if (arrays.contains("slow_since")) s.slow_since = joined(pair_of("slow_since"), where);
+  if (arrays.contains("slow_since") && arrays.contains("slow_speed")) {
+    s.slow_since = joined(pair_of("slow_since"), where);
+    for (const double v : array_in(arrays, "slow_speed", 1, where).as<double>()) s.slow_speed = v;
+  }
   const auto vectors = [&](const char* name) { return rows_of<Vec3>(array_in(arrays, name, 3, where)); };
   s.position = vectors("position"), s.velocity = vectors("velocity");
   s.momentum = vectors("momentum"), s.spin = vectors("spin");

@@ -19,8 +19,9 @@ void write_checkpoint(const Stepper& stepper, const std::filesystem::path& path)
 // Puts `stepper` where the checkpoint was taken. Throws Error if that is of another scene.
 void read_checkpoint(Stepper& stepper, const std::filesystem::path& path);
 
-// A hash of what stays as it is during a run: shapes, masses, walls, the law, the time step. And one of the
-// motion: positions, velocities, orientations and springs, to the bit.
+// A hash of what stays as it is during a run: shapes, masses, walls, the law, the time step, the poses of
+// what is static and the velocities of what is driven. And one of the motion: positions, velocities,
+// orientations and springs, to the bit.
 std::uint64_t fingerprint(const System& system);
 std::uint64_t state_hash(const Stepper& stepper);
 

@@ -319,8 +319,8 @@ int settle(const Arguments& a) {
     // To the next look, or the next frame if that is earlier; or to the end. What has become slow is looked
     // at again as soon as it can be at rest.
     std::uint64_t done = stepper.steps() - begun, look = (done / between + 1) * between;
-    if (a.until_rest && stepper.slow_since() != padder::settle::kNever)
-      look = std::min(look, stepper.slow_since() + stepper.steps_to_rest() - begun);
+    if (a.until_rest && stepper.rest_step() > stepper.steps())
+      look = std::min(look, stepper.rest_step() - begun);
     std::uint64_t until = look;
     if (wanted > 1) until = std::min(until, (taken * left + intervals - 1) / intervals);
     stepper.step(std::max(std::min(until, left), done + 1) - done);

@@ -59,7 +59,9 @@ struct Snapshot {
   std::vector<Vec3> position, velocity, momentum, spin;
   std::vector<Quaternion> orientation;
   std::vector<SpringMemory> contacts, walls;  // those that touch, by i, then j
-  std::uint64_t slow_since = kNever;  // at which step watch() saw that everything is slow, and since then
+  // At which step watch() saw that everything is slow, and since then; and the liveliest speed that it saw.
+  std::uint64_t slow_since = kNever;
+  double slow_speed = 0;
 };
 
 }  // namespace padder::settle

@@ -50,12 +50,14 @@ class Stepper {
   void place();   // puts placed() where the movers are now
   Watch watch();  // a pass over everything in a fixed order; on the CPU it places
 
-  // Everything is slow if nothing is faster than what falls a thousandth of the mean radius. At rest: it was
-  // slow when watch() looked, and is at the last look, steps_to_rest() or more later. In that time whatever
-  // hangs in the air, or turns back there, would have become faster. Never without gravity.
-  bool at_rest() const { return slow_since_ != kNever && steps_ - slow_since_ >= steps_to_rest(); }
-  std::uint64_t slow_since() const { return slow_since_; }  // kNever: the last look saw something faster
-  std::uint64_t steps_to_rest() const;
+  // Everything is slow if nothing is faster than what falls a thousandth of the mean radius. At rest: the
+  // last watch() saw that everything is slow and was at each look since another one, and is not faster than
+  // it was then. Between the two lie rest_steps(), in which whatever hangs in the air, slides, tips over or
+  // turns back would have become faster. Step 0 is no such look: it is too early for anything to be fast.
+  // Never without gravity.
+  bool at_rest() const { return at_rest_; }
+  // The step in which a look can first find everything at rest; kNever: the last look saw something faster.
+  std::uint64_t rest_step() const;
 
   Snapshot snapshot() const;
   void resume(const Snapshot& snapshot);  // throws Error if it is of another system
@@ -81,6 +83,8 @@ class Stepper {
   double place_and_measure();
   double slow() const { return std::sqrt(2e-3 * gravity() * mean_); }  // the speed
   Watch sums();
+  std::uint64_t rest_steps(double speed) const;
+  void judge_rest(double speed);
   void find_first_candidates();
   void count_contacts();
   void find_candidates();
@@ -124,6 +128,8 @@ class Stepper {
   double skin_ = 0;
   bool fixed_skin_ = false;
   std::uint64_t steps_ = 0, steps_of_find_ = 0, slow_since_ = kNever;
+  double slow_speed_ = 0;  // the liveliest then
+  bool at_rest_ = false;
   int pause_ = 0;  // finds for which no candidates are kept, because keeping them did not pay
 
   // Candidates, by i, then j; of each its memory and its push on i. `starts_`: the first one of each sphere

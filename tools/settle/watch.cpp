@@ -45,17 +45,38 @@ void Stepper::count_contacts() {
 Watch Stepper::watch() {
   find_first_candidates();
   const Watch w = sums();
-  if (!(w.liveliest < slow()))
-    slow_since_ = kNever;
-  else if (slow_since_ == kNever)
-    slow_since_ = steps_;
+  judge_rest(w.liveliest);
   return w;
 }
 
-// What falls freely changes its speed by three times what is slow.
-std::uint64_t Stepper::steps_to_rest() const {
-  const double steps = 3 * slow() / (gravity() * s_.step);
-  return steps < 1e18 ? static_cast<std::uint64_t>(std::ceil(steps)) : kNever;
+// As parts of slow(): the speed of what stands still, and by how much that may grow. Heaps of grains rock a
+// little for long, since nothing resists their rolling.
+constexpr double kStill = 0.01, kGrowth = 0.025;
+
+// How long something that is not faster than this must be watched. What falls freely then changes its speed
+// by three times what is slow, and a ball that rolls down a slope of 1 degree by 0.037 of it. What may be
+// about to turn back is given three hundred times as long as falling takes to gain its speed: that ball would
+// be more than twice as fast again.
+std::uint64_t Stepper::rest_steps(double speed) const {
+  const double steps = 3 * std::max(slow(), speed / kStill) / (gravity() * s_.step);
+  return static_cast<std::uint64_t>(std::ceil(std::min(steps, 1e18)));
+}
+
+std::uint64_t Stepper::rest_step() const {
+  return slow_since_ == kNever ? kNever : slow_since_ + rest_steps(slow_speed_);
+}
+
+void Stepper::judge_rest(double speed) {
+  at_rest_ = false;
+  if (steps_ == 0 || !(speed < slow())) {
+    slow_since_ = kNever;
+    return;
+  }
+  const bool faster = speed > slow_speed_ + kGrowth * slow();
+  at_rest_ = slow_since_ != kNever && !faster && steps_ >= rest_step();
+  // What has become slower is watched from here, where that ends earlier.
+  if (slow_since_ == kNever || faster || (!at_rest_ && steps_ + rest_steps(speed) < rest_step()))
+    slow_since_ = steps_, slow_speed_ = speed;
 }
 
 Watch Stepper::sums() {
@@ -120,7 +141,7 @@ Snapshot Stepper::snapshot() const {
   std::erase_if(contacts, [](const SpringMemory& m) { return m.spring == Vec3{}; });
   std::erase_if(walls, [](const SpringMemory& m) { return m.spring == Vec3{}; });
   return {steps_,         s_.position, s_.velocity, s_.momentum, s_.spin,
-          s_.orientation, contacts,    walls,       slow_since_};
+          s_.orientation, contacts,    walls,       slow_since_, slow_speed_};
 }
 
 void Stepper::resume(const Snapshot& s) {
@@ -133,7 +154,7 @@ void Stepper::resume(const Snapshot& s) {
   for (const SpringMemory& m : s.contacts) fits &= !bad(m, centers_.size());
   for (const SpringMemory& m : s.walls) fits &= !bad(m, s_.walls.size());
   if (!fits) throw Error("the checkpoint is of another scene: it has other bodies, grains or walls");
-  bool sound = s.slow_since == kNever || s.slow_since <= s.steps;
+  bool sound = s.slow_since == kNever || (s.slow_since <= s.steps && s.slow_speed >= 0);
   for (const auto* vectors : {&s.position, &s.velocity, &s.momentum, &s.spin})
     for (const Vec3& v : *vectors) sound = sound && finite(v);
   for (const auto* springs : {&s.contacts, &s.walls})
@@ -144,7 +165,8 @@ void Stepper::resume(const Snapshot& s) {
     throw Error("the checkpoint is damaged: a number is not finite, or a body's orientation is no rotation");
   s_.position = s.position, s_.velocity = s.velocity, s_.momentum = s.momentum, s_.spin = s.spin;
   s_.orientation = s.orientation;
-  steps_ = s.steps, slow_since_ = s.slow_since, newer_there_ = false;
+  steps_ = s.steps, slow_since_ = s.slow_since, slow_speed_ = s.slow_speed, at_rest_ = false;
+  newer_there_ = false;
   if (device_) device_->put(s);
   pairs_.clear(), springs_.clear(), wall_pairs_.clear(), wall_springs_.clear();
   starts_.assign(centers_.size() + 1, 0), wall_starts_.assign(centers_.size() + 1, 0);

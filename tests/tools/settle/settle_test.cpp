@@ -303,10 +303,43 @@ TEST_P(SettleTest, APileComesToRestAndItsEnergyOnlyFalls) {
     EXPECT_LT(w.total(), before + 1e-4 * fall);
     before = w.total(), moving = w.kinetic;
   }
+  EXPECT_TRUE(stepper.at_rest());
   EXPECT_LT(before, first);
   EXPECT_LT(moving, 1e-6 * fall);
   EXPECT_LT(stepper.watch().deepest_ratio, 0.02);
   EXPECT_GT(stepper.contacts(), 216u);
+}
+
+// A ball on a slope of 1 degree, one that rolls up there and turns back, a block that slides, and a rod that
+// tips over from its end: all are slow for long, and each look finds that they move.
+TEST_P(SettleTest, WhatBeginsToMoveOrTurnsBackIsNotAtRest) {
+  const auto expect_moving = [](System s, const char* what) {
+    s.walls.push_back(floor_with(0.3));
+    s.step = step_limits(s).chosen;
+    Stepper stepper(s, on());
+    while (stepper.time() < 0.3) {
+      stepper.watch();
+      ASSERT_FALSE(stepper.at_rest()) << what << " at " << stepper.time();
+      stepper.step(11);
+    }
+  };
+  const double radius = 0.01;
+  for (const double speed : {0.0, -0.01}) {
+    System ball = empty_system();
+    tilt(ball, kPi / 180);
+    add_grain(ball, {0, 0, radius}, radius, 2500, {speed, 0, 0});
+    ball.spin[0].y = speed / radius, ball.momentum[0].y = ball.spin[0].y / ball.inverse_inertia[0].y;
+    expect_moving(ball, speed == 0 ? "a ball" : "a ball that rolls up");
+  }
+  System block = empty_system();
+  tilt(block, std::atan(0.3) + 0.02);
+  add_body(block, 0, kBlock, {0, 0, radius}, {});
+  expect_moving(block, "a block");
+  System tipping = empty_system();
+  const double tilted = 10 * kPi / 180;
+  add_body(tipping, 0, rod(tipping, 12, radius, 0.018, 2500), {0, 0, 0.099 * std::cos(tilted) + radius},
+           turned({}, {0, tilted - kPi / 2, 0}));
+  expect_moving(tipping, "a rod");
 }
 
 // A plate that falls flat meets the floor with all its spheres at once, and their dampers pull together.
