@@ -10,11 +10,12 @@ namespace padder::settle {
 
 // What became of a row of steps.
 struct StepsTaken {
-  std::uint64_t steps = 0;        // that were taken whole
-  bool detect = false;            // no further step is possible with these candidates
-  std::uint64_t contacts = 0;     // of the last step
-  double deepest = 0, ratio = 0;  // of the last step
-  std::uint32_t wild = ~0u;       // the first mover that was too fast in a further step; ~0u: none
+  std::uint64_t steps = 0;          // that were taken whole
+  bool detect = false;              // no further step is possible with these candidates
+  std::uint64_t contacts = 0;       // of the last step
+  double deepest = 0, ratio = 0;    // of the last step
+  double most = 0, most_ratio = 0;  // the same, of all of them
+  std::uint32_t wild = ~0u;         // the first mover that was too fast in a further step; ~0u: none
 };
 
 class DeviceStepper {

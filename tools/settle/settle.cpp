@@ -183,13 +183,27 @@ Json report_of(const Stepper& stepper, const detect::RungChoice& rungs, const Wa
        {{"first", first_energy}, {"kinetic", w.kinetic}, {"potential", w.potential}, {"elastic", w.elastic}}},
       {"momentum", {w.momentum.x, w.momentum.y, w.momentum.z}},
       {"fastest", w.fastest},
-      {"penetration", w.deepest},
-      {"penetration_ratio", w.deepest_ratio},
+      {"penetration", stepper.deepest_so_far()},
+      {"penetration_ratio", stepper.deepest_ratio_so_far()},
       {"state", hash},
       {"detections", e.detections},
       {"candidates", e.candidates},
       {"skin", e.skin},
       {"seconds", {{"total", e.seconds}, {"detection", e.detection_seconds}}}};
+}
+
+// An impact presses spheres in by as much as its speed times the root of mass over stiffness, and a stiffness
+// that is chosen knows of weights alone.
+void warn_of_soft_contacts(const Stepper& stepper) {
+  constexpr double kSoft = 0.1;
+  const double ratio = stepper.deepest_ratio_so_far(), stiffness = stepper.system().law.stiffness;
+  if (ratio <= kSoft) return;
+  const auto number = [](double v) { return padder::short_number(v, 2); };
+  std::fprintf(stderr,
+               "settle: two spheres, or a sphere and a wall, overlapped by %s of the smaller radius: a "
+               "\"stiffness\" of about %s in \"material\", where it was %s, would keep that below %s\n",
+               number(ratio).c_str(), number(stiffness * ratio * ratio / (kSoft * kSoft)).c_str(),
+               number(stiffness).c_str(), number(kSoft).c_str());
 }
 
 void print(const Json& r) {
@@ -336,6 +350,7 @@ int settle(const Arguments& a) {
   if (frames.page()) bar.show(1, "writing " + a.output);
   frames.finish(stepper, report);
   bar.clear();
+  if (!a.quiet) warn_of_soft_contacts(stepper);
   if (a.json)
     padder::cli::print_json(report);
   else if (!a.quiet)

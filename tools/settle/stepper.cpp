@@ -353,6 +353,7 @@ void Stepper::step_on_host() {
   if (!found_ || skin_ == 0 || !(moved < 0.499999 * skin_)) find_candidates();
   push_pairs();
   push_walls();
+  keep_deepest(deepest_, deepest_ratio_);
   if (deepest_ratio_ > 1) explode_deep();
   push_bushings();
   integrate();
@@ -367,6 +368,7 @@ void Stepper::step_on_device(std::uint64_t count) {
     left -= taken.steps, steps_ += taken.steps;
     if (taken.steps > 0) contacts_ = taken.contacts;
     deepest_ = taken.deepest, deepest_ratio_ = taken.ratio;
+    keep_deepest(taken.most, taken.most_ratio);
     if (taken.ratio > 1) explode_deep();
     if (taken.wild != ~0u) explode_wild(taken.wild);
     if (taken.detect && left > 0) find_candidates();

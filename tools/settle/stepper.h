@@ -2,6 +2,7 @@
 // The stepper: it advances a System step by step with contacts from the detector, on the CPU or on a GPU.
 // Same input, same bits on one backend, for any number of threads and whether candidates are kept or not.
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <memory>
@@ -42,6 +43,10 @@ class Stepper {
   double time() const { return static_cast<double>(steps_) * s_.step; }
   // Of the last step, those with walls among them; after watch() and before a step, as the spheres lie.
   std::uint64_t contacts() const { return contacts_; }
+  // The deepest penetration of all steps and first looks so far, and as a ratio to the smaller radius. After
+  // resume() it begins again.
+  double deepest_so_far() const { return most_; }
+  double deepest_ratio_so_far() const { return most_ratio_; }
   // The pairs of spheres that touched in the last step, by i, then j. On a GPU: candidates that touch at
   // placed(), wherever that is.
   std::vector<detect::Pair> touching_pairs() const;
@@ -88,6 +93,9 @@ class Stepper {
   void find_first_candidates();
   void count_contacts();
   void find_candidates();
+  void keep_deepest(double depth, double ratio) {
+    most_ = std::max(most_, depth), most_ratio_ = std::max(most_ratio_, ratio);
+  }
   void choose_skin();
   void detect_pairs();
   void take_sorted(std::span<const detect::Pair> found);
@@ -148,7 +156,8 @@ class Stepper {
   std::vector<Load> bushing_loads_;         // of each body
 
   std::uint64_t contacts_ = 0;
-  double deepest_ = 0, deepest_ratio_ = 0;
+  double deepest_ = 0, deepest_ratio_ = 0;  // of the last step
+  double most_ = 0, most_ratio_ = 0;        // of all
   Effort effort_;
 };
 

@@ -40,6 +40,7 @@ void Stepper::count_contacts() {
     const double depth = contact_with(s_.walls[m.j], center_of(a), a.r).depth;
     if (!(depth < 0)) add(depth, a.r);
   }
+  keep_deepest(deepest_, deepest_ratio_);
 }
 
 Watch Stepper::watch() {
@@ -166,7 +167,7 @@ void Stepper::resume(const Snapshot& s) {
   s_.position = s.position, s_.velocity = s.velocity, s_.momentum = s.momentum, s_.spin = s.spin;
   s_.orientation = s.orientation;
   steps_ = s.steps, slow_since_ = s.slow_since, slow_speed_ = s.slow_speed, at_rest_ = false;
-  newer_there_ = false;
+  newer_there_ = false, most_ = most_ratio_ = 0;
   if (device_) device_->put(s);
   pairs_.clear(), springs_.clear(), wall_pairs_.clear(), wall_springs_.clear();
   starts_.assign(centers_.size() + 1, 0), wall_starts_.assign(centers_.size() + 1, 0);

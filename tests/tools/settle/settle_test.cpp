@@ -119,6 +119,25 @@ TEST_P(SettleTest, ABallBouncesAsTheClosedFormSays) {
   }
 }
 
+// A ball falls 1 m on a soft floor: its deepest point, v / omega, is known when it has long left the floor.
+TEST_P(SettleTest, TheDeepestPenetrationOfARunIsKept) {
+  System s = empty_system(0.5, 1);
+  s.law.stiffness = 5e3, s.law.tangential_stiffness = 1e4 / 7;
+  s.walls.push_back(floor_with(0.5));
+  add_grain(s, {0, 0, 1.01}, 0.01, 2500);
+  s.step = step_limits(s).chosen / 10;
+  const double deepest = std::sqrt(2 * 9.81 / (s.law.stiffness * s.inverse_mass[0]));
+  Stepper stepper(s, on());
+  stepper.step(static_cast<std::uint64_t>(0.6 / s.step));
+  EXPECT_EQ(stepper.contacts(), 0u);
+  EXPECT_EQ(stepper.watch().deepest, 0);
+  EXPECT_NEAR(stepper.deepest_so_far(), deepest, 0.01 * deepest);
+  EXPECT_EQ(stepper.deepest_ratio_so_far(), stepper.deepest_so_far() / 0.01);
+  stepper.resume(stepper.snapshot());
+  stepper.watch();
+  EXPECT_EQ(stepper.deepest_so_far(), 0);
+}
+
 TEST_P(SettleTest, ABallFallsAsGalileiSays) {
   System s = empty_system();
   add_grain(s, {0, 0, 10}, 0.01, 2500, {1, 0, 2});

@@ -134,6 +134,16 @@ with tempfile.TemporaryDirectory() as folder:
                        "bodies": [{"cluster": "pill", "position": [0, 0, 0.00999]}],
                        "settle": {**hung["settle"], "material": {"friction": 0}, "bodies": [{"body": 0, "spin": [0, 0, 3]}], "duration": 0.5}})
     assert not report("top.json", "--until-rest")["at_rest"]
+    # The deepest penetration is that of the run, not of its end; what is too deep is told, and which stiffness helps.
+    deep = {**hung, "spheres": [{"centers": [[0, 0, 1]], "radii": 0.01}], "settle": {**hung["settle"], "duration": 0.6}}
+    write("deep.json", deep)
+    told = run("settle", "deep.json", "--json")
+    assert json.loads(told.stdout)["contacts"] == 0 and json.loads(told.stdout)["penetration_ratio"] > 0.5, told
+    stiffness = float(re.search(r'a "stiffness" of about (\S+) in "material"', told.stderr).group(1))
+    deep["settle"]["material"] = {"stiffness": stiffness}
+    write("deep.json", deep)
+    told = run("settle", "deep.json", "--json")
+    assert json.loads(told.stdout)["penetration_ratio"] < 0.11 and "stiffness" not in told.stderr, told
     # A frame says who may touch whom: two worlds, one family, two static bodies, a family that a mask names.
     at = [[0, 0, 0.01], [0, 0, 0.01], [1, 0, 0.01], [1, 0, 0.01], [2, 0, 0.01], [2, 0, 0.01], [3, 0, 0.01], [3, 0, 0.01]]
     tags = [{"world": 1}, {"world": 2}, {"family": 40}, {"family": 40}, {"static": True}, {"static": True}, {"family": 5}, {"mask": 16}]

@@ -128,6 +128,7 @@ class Stepper : public DeviceStepper {
         out.contacts = 0;
         for (const auto c : r[k].contacts) out.contacts += c;
         out.deepest = std::bit_cast<double>(r[k].deepest), out.ratio = std::bit_cast<double>(r[k].ratio);
+        out.most = std::max(out.most, out.deepest), out.most_ratio = std::max(out.most_ratio, out.ratio);
         out.wild = r[k].wild;
         if (out.ratio > 1 || out.wild != ~0u) return out;
         out.steps++;
