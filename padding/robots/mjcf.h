@@ -8,7 +8,7 @@ namespace padder {
 // As read_urdf gives it, in metres and radians. The first link is "world". Bodies of the worldbody hang on
 // it, fixed or by their joints.
 //
-// * Geoms: those that can touch something (contype or conaffinity is not 0, or a <pair> names them); where
+// * Geoms: those that can touch something (contype or conaffinity is not 0, or a `pair` names them); where
 //   none can, or with options.visual, those that cannot. A note names bodies that have only others. Sphere,
 //   capsule, ellipsoid, cylinder, box and mesh. Planes and height fields are the ground, not the robot, and
 //   are left out with a note. A mesh is taken as it is; MuJoCo itself lets its convex hull touch.
