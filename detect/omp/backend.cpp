@@ -192,6 +192,10 @@ namespace {
 
 // Measured with one thread, by `bench shapes`; `static_each` with 100,000 loose spheres.
 constexpr BodyCosts kBodyCosts{.ball = 3, .pair = 2, .static_each = 9};
+// The spheres of bodies in worlds are searched one by one where a body, or loose sphere, has no more on
+// average. By one thread, a tree takes 18 ms for 2,000 worlds of two bodies of 64 spheres, and their spheres
+// 48; 40,000 bodies of 5 in two worlds take 0.8 s and 0.05.
+constexpr std::uint64_t kSmallBody = 16;
 
 class OmpBackend final : public Backend {
  public:
@@ -290,9 +294,12 @@ class OmpBackend final : public Backend {
       const auto apart = [&](const auto& v) {
         return kept_->worlds_apart.run(v, options, threads_, kept_->records, c);
       };
-      const bool done =
-          input.bodies.empty() && (input.spheres.scalar == Scalar::f32 ? apart(view<float>(input.spheres))
-                                                                       : apart(view<double>(input.spheres)));
+      const std::uint64_t elements = input.bodies.size() + input.spheres.count;
+      const bool one_by_one = options.bodies == Bodies::expanded ||
+                              (options.bodies == Bodies::automatic && n <= kSmallBody * elements);
+      const bool done = !input.bodies.empty()                 ? one_by_one && apart(place(input))
+                        : input.spheres.scalar == Scalar::f32 ? apart(view<float>(input.spheres))
+                                                              : apart(view<double>(input.spheres));
       if (!done) kept_->worlds.run(input, options, threads_, kept_->records, c.seconds);
       return delivered(c, n, options);
     }

@@ -92,7 +92,7 @@ bool WorldsApart::run(const View<T>& input, const CallOptions& options, int thre
     const auto q = static_cast<std::uint64_t>(k);
     moved[q] = boxes.moved(spheres[q], spheres.world_of(q));
   }
-  View<double> apart = view_of(moved, spheres.count, spheres.family, spheres.mask, nullptr);
+  View<double> apart = view_of(moved, spheres.count, spheres.family, spheres.mask, spheres.owner);
   apart.is_static = spheres.is_static;
   CallOptions wider = options;
   wider.width = Width::pairs, wider.margin += off;

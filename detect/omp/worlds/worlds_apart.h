@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-// Loose spheres of many worlds, without bodies, on the CPU: the grid path searches them as if the worlds lay
-// side by side, a little farther than asked for. Spheres of kEveryWorld lie in a box of their own there, and
-// a tree finds those that touch spheres of other worlds. What is found is decided, and records are written,
-// by the spheres as they are given. Internal.
+// Spheres of many worlds, loose ones and those of bodies that have been placed, on the CPU: the grid path
+// searches them as if the worlds lay side by side, a little farther than asked for. Spheres of kEveryWorld
+// lie in a box of their own there, and a tree finds those that touch spheres of other worlds. What is found
+// is decided, and records are written, by the spheres as they are given. Internal.
 #pragma once
 #include "detect/core/side_by_side.h"
 #include "detect/omp/parts.h"
