@@ -89,7 +89,7 @@ bool bodies_have_worlds(const Input& input);
 inline bool loose_have_worlds(const Input& input) {
   return input.spheres.count > 0 && (input.spheres.world || input.spheres.world_of_all != 0);
 }
-// Do worlds keep anything apart: are there two besides kEveryWorld? Of arrays on a device: perhaps.
+// Do worlds keep anything apart: are there two besides kEveryWorld? True of an array on a device, unread.
 bool has_worlds(const Input& input);
 
 }  // namespace padder::detect

@@ -193,8 +193,7 @@ namespace {
 // Measured with one thread, by `bench shapes`; `static_each` with 100,000 loose spheres.
 constexpr BodyCosts kBodyCosts{.ball = 3, .pair = 2, .static_each = 9};
 // The spheres of bodies in worlds are searched one by one where a body, or loose sphere, has no more on
-// average. By one thread, a tree takes 18 ms for 2,000 worlds of two bodies of 64 spheres, and their spheres
-// 48; 40,000 bodies of 5 in two worlds take 0.8 s and 0.05.
+// average; otherwise by the tree. Both ways were measured on both sides of it (docs/experiments/worlds.md).
 constexpr std::uint64_t kSmallBody = 16;
 
 class OmpBackend final : public Backend {

@@ -217,8 +217,8 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
   const auto ball =
       std::ranges::find(model.bodies, Joint::Type::ball, [](const Body& b) { return b.joint.type; });
   if (std::string_view(format.name) == "urdf" && model.urdf.empty() && ball != model.bodies.end())
-    warnings.push_back("URDF has no joint that only turns every way: in " + path.string() + " " +
-                       excerpt(ball->joint.name) + " and its like are floating, and may move away, too");
+    warnings.push_back("URDF has no ball joint: in " + path.string() + " " + excerpt(ball->joint.name) +
+                       " and any other one are floating joints, whose links may also move away");
   if (const std::size_t n = neighbours_beyond_families(model); n > 0 && format.filter == F::numbers)
     warnings.push_back(model.name + " has more moving parts than 32 families can tell apart: in " +
                        path.string() + " " + std::to_string(n) + " pairs of neighbours may touch");

@@ -177,6 +177,23 @@ TEST(Pad, TheReasonForOpenSurfaceIsTrue) {
 }
 
 // There writing a sphere down moves it by more than a protrusion of 0 allows for rounding.
+TEST(Pad, AMassOfAPartIsTold) {
+  const auto warnings = [](double edge, RepairMode mode) {
+    PadOptions options;
+    options.tolerance = Length::share(0.05), options.repair = mode;
+    const Mesh box = shapes::box({0, 0, 0}, {1, 1, 1});
+    Mesh sheet = shapes::square(edge);
+    for (Point& p : sheet.points) p.x() += 3;
+    return pad(as_file(joined(box, sheet)), options).report.warnings;
+  };
+  const auto told = warnings(2, RepairMode::automatic);  // 4 of 10
+  ASSERT_EQ(told.size(), 1u);
+  EXPECT_NE(told[0].find("a part of it, as 40 % of its surface is a sheet: use --repair fill"),
+            std::string::npos)
+      << told[0];
+  EXPECT_TRUE(warnings(0.5, RepairMode::automatic).empty());
+}
+
 TEST(Pad, ATinyPartFarAwayKeepsItsSpheresInside) {
   const Point place(1e6, 1e6, 1e6);
   const Mesh mesh =

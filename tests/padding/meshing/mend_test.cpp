@@ -400,7 +400,8 @@ TEST(Mend, ABoxThatAClosedPieceCoversIsASolid) {
   for (Point& p : wall.points) p += 1e-4 * random.direction();
   EXPECT_EQ(mended(joined(kCube, wall)).patches.size(), 0u);
   EXPECT_EQ(mended(joined(kCube, wall)).steps.sheet_pieces, 1u);
-  // A lid that covers half of it closes nothing.
+  // A lid that covers nine tenths of it closes it, and one that covers half closes nothing.
+  EXPECT_NEAR(volume(mended(joined(open, shapes::box({0, 0, 1}, {0.9, 1, 1.1}, 3)))), 1.09, 1e-9);
   EXPECT_NEAR(volume(mended(joined(open, shapes::box({0, 0, 1}, {0.5, 1, 1.1}, 3)))), 0.05, 1e-9);
 }
 
