@@ -192,9 +192,12 @@ namespace {
 
 // Measured with one thread, by `bench shapes`; `static_each` with 100,000 loose spheres.
 constexpr BodyCosts kBodyCosts{.ball = 3, .pair = 2, .static_each = 9};
-// The spheres of bodies in worlds are searched one by one where a body, or loose sphere, has no more on
-// average; otherwise by the tree. Both ways were measured on both sides of it (docs/experiments/worlds.md).
+// Worlds are searched by their spheres, side by side, where a body, or loose sphere, has no more on average;
+// otherwise by the tree. Both ways were measured on both sides of it (docs/experiments/worlds.md).
 constexpr std::uint64_t kSmallBody = 16;
+// The tree gives up where so many tests for each sphere find nothing. They take less time than it takes to
+// search the spheres side by side, which then follows.
+constexpr std::uint64_t kTestsInVain = 16;
 
 class OmpBackend final : public Backend {
  public:
@@ -228,9 +231,14 @@ class OmpBackend final : public Backend {
     begin(options);
     kept_->bodies.forget();
     check_input(input, false);
+    omp::Stopwatch watch;
     choose_threads(options, sphere_count(input));
-    const WorldAnswers answers = kept_->worlds.answer(input, options, threads_, worlds, answer);
+    kept_->answers.begin(input, worlds, answer);
+    answer_worlds(input, options);
+    kept_->records.count = 0;
     chosen_.done();
+    WorldAnswers answers = kept_->answers.arrays();
+    answers.seconds = watch.lap();
     return answers;
   }
 
@@ -279,6 +287,59 @@ class OmpBackend final : public Backend {
     return bodies_first(input, options.margin, spheres, moving, kBodyCosts, pieces);
   }
 
+  static bool has_small_bodies(const Input& input, std::uint64_t spheres) {
+    return spheres <= kSmallBody * (input.bodies.size() + input.spheres.count);
+  }
+  // Calls use(spheres), with the world of each; those of bodies are placed.
+  template <class Use>
+  auto with_spheres(const Input& input, Use use) {
+    if (!input.bodies.empty()) return use(place(input, true));
+    return input.spheres.scalar == Scalar::f32 ? use(view<float>(input.spheres))
+                                               : use(view<double>(input.spheres));
+  }
+  Contacts search_worlds(const Input& input, const CallOptions& options, std::uint64_t n) {
+    Contacts c;
+    const auto tree = [&](std::uint64_t in_vain) {
+      omp::Allowance allowance(in_vain);
+      return kept_->worlds.run(input, options, threads_, allowance, kept_->records, c.seconds);
+    };
+    const bool automatic = options.bodies == Bodies::automatic,
+               tree_first = options.bodies == Bodies::first || (automatic && !has_small_bodies(input, n));
+    const std::uint64_t in_vain = automatic ? kTestsInVain * n : omp::Allowance::kUnlimited;
+    if (tree_first && !input.bodies.empty() && tree(in_vain)) return delivered(c, n, options);
+    const auto side_by_side = [&](const auto& spheres) {
+      return kept_->worlds_apart.run(spheres, options, threads_, kept_->records, c);
+    };
+    if (!with_spheres(input, side_by_side)) tree(omp::Allowance::kUnlimited);
+    return delivered(c, n, options);
+  }
+
+  // Of a list, where the tree tests too much in vain. Distances are first those of spheres that touch.
+  void answer_worlds(const Input& input, const CallOptions& options) {
+    omp::AnswerArrays& answers = kept_->answers;
+    const Answer answer = answers.answer();
+    const auto tree = [&](std::uint64_t in_vain) {
+      omp::Allowance allowance(in_vain);
+      return kept_->worlds.answer(input, options, threads_, allowance, answers);
+    };
+    const std::uint64_t n = sphere_count(input);
+    if ((answer == Answer::any || !has_small_bodies(input, n)) && tree(kTestsInVain * n)) return;
+    CallOptions listed = options;
+    listed.width = Width::pairs;
+    if (answer == Answer::distance) listed.margin = 0;
+    const auto list = [&](const auto& spheres) {
+      Contacts c;
+      if (!kept_->worlds_apart.run(spheres, listed, threads_, kept_->records, c)) return false;
+      answers.add(spheres, kept_->records, threads_);
+      return listed.margin == options.margin || answers.are_all_answered();
+    };
+    try {
+      if (with_spheres(input, list)) return;
+    } catch (const MemoryError&) {  // answers need no list
+    }
+    tree(omp::Allowance::kUnlimited);
+  }
+
   // A call by any path. `arrays`: null, or where the arrays of the nine stages go.
   Contacts any(const Input& input, const CallOptions& options, Arrays* arrays) {
     begin(options);
@@ -289,18 +350,7 @@ class OmpBackend final : public Backend {
     if (!known && options.path == Path::grid && has_worlds(input)) {
       choose_threads(options, n);
       kept_->bodies.forget();
-      Contacts c;
-      const auto apart = [&](const auto& v) {
-        return kept_->worlds_apart.run(v, options, threads_, kept_->records, c);
-      };
-      const std::uint64_t elements = input.bodies.size() + input.spheres.count;
-      const bool one_by_one = options.bodies == Bodies::expanded ||
-                              (options.bodies == Bodies::automatic && n <= kSmallBody * elements);
-      const bool done = !input.bodies.empty()                 ? one_by_one && apart(place(input))
-                        : input.spheres.scalar == Scalar::f32 ? apart(view<float>(input.spheres))
-                                                              : apart(view<double>(input.spheres));
-      if (!done) kept_->worlds.run(input, options, threads_, kept_->records, c.seconds);
-      return delivered(c, n, options);
+      return search_worlds(input, options, n);
     }
     const bool first =
         may_go_first && (options.bodies == Bodies::first || first_is_faster(input, options, n, known));
@@ -312,7 +362,7 @@ class OmpBackend final : public Backend {
         return delivered(c, n, options);
     }
     kept_->bodies.forget();
-    if (!input.bodies.empty()) return run(place(input), input, options, arrays);
+    if (!input.bodies.empty()) return run(place(input, has_worlds(input)), input, options, arrays);
     if (s.scalar == Scalar::f32) return run(view<float>(s), input, options, arrays);
     return run(view<double>(s), input, options, arrays);
   }
@@ -332,15 +382,16 @@ class OmpBackend final : public Backend {
             s.world_of_all};
   }
 
-  // Places the spheres of the bodies, and appends the loose ones, in double.
-  omp::View<double> place(const Input& input) {
+  // Places the spheres of the bodies, and appends the loose ones, in double. `worlds`: the world of each,
+  // too.
+  omp::View<double> place(const Input& input, bool worlds) {
     omp::Stopwatch watch;
     const std::uint64_t n = sphere_count(input);
     Sphere* out = kept_->placed.resize(n, "the spheres of the bodies");
     std::uint32_t* family = kept_->family.resize(n, "families");
     std::uint32_t* mask = kept_->mask.resize(n, "masks");
     std::uint32_t* owner = kept_->owner.resize(n, "the bodies of spheres");
-    std::uint32_t* world = has_worlds(input) ? kept_->world.resize(n, "worlds") : nullptr;
+    std::uint32_t* world = worlds ? kept_->world.resize(n, "worlds") : nullptr;
     std::vector<std::uint64_t> first(input.bodies.size() + 1, 0);
     for (std::size_t b = 0; b < input.bodies.size(); b++)
       first[b + 1] = first[b] + input.shapes[input.bodies[b].shape].count;
@@ -416,6 +467,7 @@ class OmpBackend final : public Backend {
           bodies(b),
           worlds(b),
           worlds_apart(b),
+          answers(b),
           placed(b),
           family(b),
           mask(b),
@@ -427,6 +479,7 @@ class OmpBackend final : public Backend {
     omp::BodySearch bodies;
     omp::WorldSearch worlds;
     omp::WorldsApart worlds_apart;
+    omp::AnswerArrays answers;
     omp::Buffer<Sphere> placed;
     omp::Buffer<std::uint32_t> family, mask, owner, world;
   };

@@ -215,6 +215,43 @@ TEST(Worlds, LooseSpheresOfWorldsAtOnePlace) {
   }
 }
 
+// Long rods come near much and touch little. The tree gives up, and spheres are searched side by side.
+TEST(Worlds, RodsAmongSpheresGiveTheSameHoweverTheyAreSearched) {
+  for (const BackendKind backend : backends())
+    for (const std::uint32_t worlds : {1u, 2u, 50u}) {
+      SCOPED_TRACE(std::to_string(worlds) + " worlds");
+      std::mt19937_64 random(worlds);
+      std::uniform_real_distribution<double> unit(0, 1);
+      const auto world = [&] {
+        return random() % 20 ? static_cast<std::uint32_t>(random() % worlds) : kEveryWorld;
+      };
+      World w;
+      w.shape_spheres.resize(1);
+      for (int k = -50; k < 50; k++) w.shape_spheres[0].push_back({static_cast<double>(k), 0, 0, 0.45});
+      w.shapes.push_back({w.shape_spheres[0].data(), w.shape_spheres[0].size()});
+      w.bodies.resize(60);
+      for (Body& b : w.bodies) {
+        turn(random, b), b.world = world();
+        for (double& c : b.position) c = 40 * unit(random);
+      }
+      for (int k = 0; k < 40; k++) {
+        w.loose.push_back({40 * unit(random), 40 * unit(random), 40 * unit(random), 2 * unit(random)});
+        w.family.push_back(0), w.mask.push_back(0), w.is_static.push_back(k % 3 == 0),
+            w.world.push_back(world());
+      }
+      for (const double margin : {0.0, 0.3}) {
+        Detector detector({backend, 0}, {.margin = margin});
+        const std::vector<Pair> expected = oracle(w.input(), detector.options());
+        for (const Bodies bodies : {Bodies::automatic, Bodies::first, Bodies::expanded})
+          for (const Order order : {Order::stable, Order::any}) {
+            detector.options().bodies = bodies, detector.options().order = order;
+            EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), expected);
+          }
+        expect_answers(detector, w.input(), worlds);
+      }
+    }
+}
+
 TEST(Worlds, AMarginAloneNeedsNoWorld) {
   for (const BackendKind backend : backends())
     for (const double margin : {0.0, 1e-9, 0.25, 3.0}) {
@@ -569,6 +606,23 @@ TEST(Worlds, AnswersCountAsMemory) {
     const WorldAnswers a = detector.detect_worlds(w.input(), worlds, Answer::distance);
     EXPECT_EQ(a.distance[worlds - 1], INFINITY);
     EXPECT_GE(detector.memory(), 16 * static_cast<std::uint64_t>(worlds));
+  }
+}
+
+// Those of loose spheres come from a list, if there is memory for it.
+TEST(Worlds, AnswersNeedNoMemoryForAList) {
+  World w;
+  for (int k = 0; k < 2000; k++)  // two million contacts
+    w.loose.push_back({0.001 * k, 0, 0, 3}), w.family.push_back(0), w.mask.push_back(0),
+        w.is_static.push_back(0), w.world.push_back(k % 2);
+  for (const BackendKind backend : backends()) {
+    Detector detector({backend, 0}, {.margin = 0.5});
+    detector.options().memory_limit = 4 << 20;
+    const WorldAnswers count = detector.detect_worlds(w.input(), 2, Answer::count);
+    EXPECT_EQ(count.count[0], 1000u * 999 / 2);
+    EXPECT_EQ(count.count[1], 1000u * 999 / 2);
+    const WorldAnswers nearest = detector.detect_worlds(w.input(), 2, Answer::distance);
+    EXPECT_NEAR(nearest.distance[1], 0.002 - 6, 1e-12);
   }
 }
 

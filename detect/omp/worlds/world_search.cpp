@@ -32,16 +32,7 @@ WorldSearch::WorldSearch(Budget& b)
       order_(b),
       curve_(b),
       tree_(b),
-      hits_(b, "contacts"),
-      any_(b),
-      count_(b),
-      distance_(b),
-      pair_(b) {}
-
-void WorldSearch::Nearest::take(double d, Pair p) {
-  if (d < distance || (d == distance && (p.i < pair.i || (p.i == pair.i && p.j < pair.j))))
-    distance = d, pair = p;
-}
+      hits_(b, "contacts") {}
 
 void WorldSearch::read_elements(const Input& input, int threads) {
   spheres_ = &input.spheres;
@@ -178,13 +169,13 @@ void WorldSearch::make_parts(std::uint32_t end) {
   }
 }
 
-// The spheres of element e whose gap to the ball `other` is at most `reach`.
-void WorldSearch::gather(std::uint32_t e, const Sphere& other, double reach, Spheres64& out) const {
+// The spheres of element e whose gap to the ball `other` is at most `reach`. Returns how many were tested.
+std::uint32_t WorldSearch::gather(std::uint32_t e, const Sphere& other, double reach, Spheres64& out) const {
   const Element& element = elements_[e];
   out.count = 0;
   if (element.body == kLoose) {
     out.slot[0] = element.piece, out.sphere[0] = balls_[e], out.count = 1;
-    return;
+    return 0;
   }
   const Piece& piece = pieces_.pieces[element.piece];
   for (std::uint32_t k = piece.first; k < piece.first + piece.count; k++) {
@@ -192,16 +183,18 @@ void WorldSearch::gather(std::uint32_t e, const Sphere& other, double reach, Sph
     out.slot[out.count] = k, out.sphere[out.count] = s;
     out.count += near_each_other(s, other, reach);
   }
+  return piece.count;
 }
 
 // Calls found(slot of a, slot of b, spheres) for each contact of two elements; false ends the search. `reach`
-// is the largest gap of interest, which found() may lessen.
+// is the largest gap of interest, which found() may lessen. `in_vain` grows by the tests that found nothing.
 template <class Found>
 bool WorldSearch::test_pair(std::uint32_t a, std::uint32_t b, const CallOptions& options, const double& reach,
-                            Spheres64& of_a, Spheres64& of_b, Found found) const {
-  gather(a, balls_[b], reach, of_a);
+                            Spheres64& of_a, Spheres64& of_b, std::uint64_t& in_vain, Found found) const {
+  in_vain += gather(a, balls_[b], reach, of_a);
   if (of_a.count == 0) return true;
-  gather(b, balls_[a], reach, of_b);
+  in_vain += gather(b, balls_[a], reach, of_b);
+  in_vain += std::uint64_t(of_a.count) * of_b.count;
   const bool own = options.own != Region{};
   for (std::uint32_t i = 0; i < of_a.count; i++)
     for (std::uint32_t j = 0; j < of_b.count; j++) {
@@ -210,6 +203,7 @@ bool WorldSearch::test_pair(std::uint32_t a, std::uint32_t b, const CallOptions&
       if (own && !owns(options.own, number(a, of_a.slot[i]) < number(b, of_b.slot[j]) ? midpoint(sa, sb)
                                                                                       : midpoint(sb, sa)))
         continue;
+      in_vain--;
       if (!found(b, of_a.slot[i], of_b.slot[j], sa, sb)) return false;
     }
   return true;
@@ -218,19 +212,22 @@ bool WorldSearch::test_pair(std::uint32_t a, std::uint32_t b, const CallOptions&
 // The contacts of element e with those behind it in its world, and with kEveryWorld. False: found() ended it.
 template <class Found>
 bool WorldSearch::search(std::uint32_t e, const CallOptions& options, const double& reach,
-                         Found found) const {
+                         Allowance& allowance, Found found) const {
   Spheres64 of_a, of_b;
   TreeBox box = box_of(balls_[e], reach);
   double reach_of_box = reach;
   bool goes_on = true;
+  std::uint64_t in_vain = 0;
   const auto test = [&](std::uint32_t k) {
+    in_vain++;
     if (!near_each_other(balls_[e], balls_[k], reach) || !admitted(filters_[e], filters_[k])) return true;
-    goes_on = test_pair(e, k, options, reach, of_a, of_b, found);
+    goes_on = test_pair(e, k, options, reach, of_a, of_b, in_vain, found);
     if (reach < reach_of_box) box = box_of(balls_[e], reach_of_box = reach);
     return goes_on;
   };
   tree_->visit(box, e + 1, world_end_[e], test);
   if (goes_on && worlds_[e] != kEveryWorld) tree_->visit(box, every_first_, elements_in_all_, test);
+  allowance.spend(in_vain);
   return goes_on;
 }
 
@@ -244,59 +241,47 @@ void WorldSearch::write(const CallOptions& options, int threads, Records& record
   });
 }
 
-void WorldSearch::run(const Input& input, const CallOptions& options, int threads, Records& records,
-                      Seconds& seconds) {
+bool WorldSearch::run(const Input& input, const CallOptions& options, int threads, Allowance& allowance,
+                      Records& records, Seconds& seconds) {
   Stopwatch watch;
   read(input, options, threads);
   make_parts(elements_in_all_);
   seconds.place = watch.lap();
   hits_.fill(parts_.size(), threads, [&](std::uint64_t part, List<Hit>& list) {
-    for (std::uint32_t e = parts_[part].first; e < parts_[part].end; e++)
-      search(e, options, options.margin,
+    for (std::uint32_t e = parts_[part].first; e < parts_[part].end && !allowance.exceeded(); e++)
+      search(e, options, options.margin, allowance,
              [&](std::uint32_t b, std::uint32_t a_slot, std::uint32_t b_slot, const Sphere&, const Sphere&) {
                list.add({e, a_slot, b, b_slot});
                return true;
              });
   });
   seconds.stage[6] = watch.lap();
+  if (allowance.exceeded()) return false;
   write(options, threads, records);
   seconds.stage[8] = watch.lap();
+  return true;
 }
 
-void WorldSearch::check_worlds(const Input& input, std::uint32_t worlds) const {
-  const auto check = [&](bool loose, std::uint64_t k, std::uint32_t world) {
-    if (world >= worlds && world != kEveryWorld) throw Error(world_sentence(loose, k, world, worlds));
-  };
-  for (std::size_t b = 0; b < input.bodies.size(); b++) check(false, b, input.bodies[b].world);
-  const Spheres& s = input.spheres;
-  for (std::uint64_t k = 0; k < s.count; k++) check(true, k, s.world ? s.world[k] : s.world_of_all);
-}
-
-WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options, int threads,
-                                 std::uint32_t worlds, Answer answer) {
-  Stopwatch watch;
-  check_worlds(input, worlds);
+bool WorldSearch::answer(const Input& input, const CallOptions& options, int threads, Allowance& allowance,
+                         AnswerArrays& answers) {
   CallOptions o = options;
   o.width = Width::pairs;  // there are no records whose range could be too small
   read(input, o, threads);
   make_parts(every_first_);
-  const auto begin = [&](auto& list, Answer of, auto none) {
-    if (answer == of) std::fill_n(list.resize(worlds, "the answers"), worlds, none);
-  };
-  begin(any_, Answer::any, std::uint8_t(0)), begin(count_, Answer::count, std::uint64_t(0));
-  begin(distance_, Answer::distance, double(INFINITY)), begin(pair_, Answer::distance, Pair{~0u, ~0u});
+  const Answer answer = answers.answer();
 #pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(parts_.size()); k++) {
     Part& p = parts_[static_cast<std::size_t>(k)];
     const std::uint32_t world = worlds_[p.first];
+    if (answer == Answer::distance && answers.is_answered(world)) continue;
     double reach = o.margin;
-    for (std::uint32_t e = p.first; e < p.end; e++) {
-      if (answer == Answer::any && std::atomic_ref(any_[world]).load(std::memory_order_relaxed)) break;
-      search(e, o, reach,
+    for (std::uint32_t e = p.first; e < p.end && !allowance.exceeded(); e++) {
+      if (answer == Answer::any && answers.is_answered(world)) break;
+      search(e, o, reach, allowance,
              [&](std::uint32_t b, std::uint32_t a_slot, std::uint32_t b_slot, const Sphere& sa,
                  const Sphere& sb) {
                p.hits++;
-               if (answer == Answer::any) std::atomic_ref(any_[world]).store(1, std::memory_order_relaxed);
+               if (answer == Answer::any) answers.mark(world);
                if (answer == Answer::distance) {
                  const std::uint32_t i = number(e, a_slot), j = number(b, b_slot);
                  p.nearest.take(signed_distance(sa, sb), {std::min(i, j), std::max(i, j)});
@@ -306,21 +291,9 @@ WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options,
              });
     }
   }
-  for (const Part& p : parts_) {
-    const std::uint32_t world = worlds_[p.first];
-    if (answer == Answer::count) count_[world] += p.hits;
-    if (answer != Answer::distance) continue;
-    Nearest best{distance_[world], pair_[world]};
-    best.take(p.nearest.distance, p.nearest.pair);
-    distance_[world] = best.distance, pair_[world] = best.pair;
-  }
-  WorldAnswers answers;
-  answers.worlds = worlds;
-  if (answer == Answer::any) answers.any = any_.data();
-  if (answer == Answer::count) answers.count = count_.data();
-  if (answer == Answer::distance) answers.distance = distance_.data(), answers.pair = pair_.data();
-  answers.seconds = watch.lap();
-  return answers;
+  if (allowance.exceeded()) return false;
+  for (const Part& p : parts_) answers.add(worlds_[p.first], p.hits, p.nearest);
+  return true;
 }
 
 }  // namespace padder::detect::omp
