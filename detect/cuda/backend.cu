@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 // The CUDA backend: brings the input to the device, chooses among the three ways of finding contacts (bodies
 // first, all spheres, the nine stages), and delivers the list.
+#include <chrono>
 #include <optional>
+#include <utility>
 
 #include "detect/cuda/bodies/bodies.h"
 #include "detect/cuda/call/sphere_search.h"
@@ -27,17 +29,19 @@ class Work {
   Contacts detect(const Input& input, const CallOptions& given) {
     CallOptions options = given;
     const ProfileRange range("padder: detect");
-    const bool may_go_first = options.path == Path::grid && options.bodies != Bodies::expanded;
+    const bool grid = options.path == Path::grid, may_go_first = grid && options.bodies != Bodies::expanded;
+    const bool judged = input.revision != 0 && input.revision == judged_ && options.order == judged_order_;
     const auto goes_first = [&] {
       return may_go_first && (options.bodies == Bodies::first || automatic_first_);
     };
-    const bool known = bodies_.knows(input) && goes_first();
-    check_input(input, true, known || worlds_.counted(input));
-    const bool worlds = options.path == Path::grid && !known && have_worlds(input);
-    if (input.revision != decided_) decided_ = 0;
-    if (may_go_first && !known && !worlds && (decided_ == 0 || options.order == Order::stable))
-      automatic_first_ = first_is_faster(input, options),
-      decided_ = options.order == Order::any ? input.revision : 0;
+    const bool known = bodies_.knows(input) && (judged || options.bodies == Bodies::first) && goes_first();
+    check_input(input, true, has_facts(input));
+    read_facts(input);
+    const bool worlds = grid && !known && has_worlds_now(input);
+    // In any order, further calls of a revision keep to what its first call found.
+    if (options.bodies == Bodies::automatic && grid && !known && !worlds &&
+        !(judged && options.order == Order::any))
+      judge(input, options);
     const bool first = !worlds && goes_first();
     // Most pairs then stay near their place. The search of spheres sees to that itself.
     if (options.history && (worlds || first)) options.order = Order::stable;
@@ -45,16 +49,13 @@ class Work {
     if (options.history) history_.begin({list_.keep_pairs(), last_count_}, stream_);
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
-    if (!worlds) worlds_.forget();
-    const bool done = first && bodies_.run(call, c);
-    if (!first) bodies_.forget();
-    const bool tree = worlds && !worlds_apart_.run(call, c);
-    if (tree)
-      worlds_.run(call, c);
-    else if (!worlds && !done)
-      search_spheres(call, c);
-    // The search of spheres has matched its list itself, if it has found all of it.
-    const bool matched = worlds ? !tree && worlds_apart_.matched() : !done && options.path == Path::grid;
+    // Has the search matched its list itself?
+    bool matched = false;
+    if (worlds)
+      matched = search_worlds(call, c);
+    else if (!(first && search_bodies(call, c)))
+      search_spheres(call, c), matched = grid;
+    forget_unseen();
     if (options.history && !matched) match(call, c);
     const std::uint32_t* const history = options.history ? history_.end(c.count) : nullptr;
     {
@@ -70,20 +71,31 @@ class Work {
   WorldAnswers detect_worlds(const Input& input, const CallOptions& options, std::uint32_t worlds,
                              Answer answer) {
     const ProfileRange range("padder: detect worlds");
-    check_input(input, true, worlds_.counted(input));
-    const Call call = begin(input, options);
-    bodies_.forget(), decided_ = 0;
+    const auto begun = std::chrono::steady_clock::now();
+    check_input(input, true, has_facts(input));
+    read_facts(input);
+    CallOptions listed = options;
+    listed.order = Order::any, listed.width = Width::pairs, listed.output = Memory::device;
+    listed.history = false;
+    // Distances are first those of spheres that touch.
+    if (answer == Answer::distance) listed.margin = 0;
+    const Call call = begin(input, options), list_call = begin(input, listed);
     last_count_ = 0;
-    const WorldAnswers answers = worlds_.answer(input, options, worlds, answer, call.processors, call.stream);
+    answers_.begin(worlds, answer, stream_);
+    answer_worlds(call, list_call);
+    WorldAnswers answers = answers_.deliver(options.output, stream_);
+    cuda_check(cudaStreamSynchronize(stream_), "answer for the worlds");
+    forget_unseen();
     running_ = false;
+    answers.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
     return answers;
   }
 
   Arrays stages(const Input& input, const CallOptions& options) {
     check_input(input, true);
     const Call call = begin(input, options);
-    bodies_.forget(), worlds_.forget(), decided_ = 0;
     const DeviceSpheres source = read(call);
+    forget_unseen();
     if (source.count == 0) return {};
     Contacts c;
     nine_stages(source, call, c);
@@ -101,7 +113,7 @@ class Work {
     if (running_) cudaStreamSynchronize(stream_);
     cudaGetLastError();
     running_ = false;
-    bodies_.forget(), spheres_.forget(), decided_ = 0;
+    bodies_.forget(), input_.forget(), spheres_.forget(), judged_ = 0, facts_ = {};
     worlds_.forget(), worlds_apart_.forget();
     last_count_ = 0;
   }
@@ -132,9 +144,6 @@ class Work {
     history_.match({list_.pairs(), c.count}, call.processors, call.stream);
     clock_.mark(StageClock::kHistory);
   }
-  bool have_worlds(const Input& input) const {
-    return worlds_.counted(input) ? worlds_.has_worlds() : has_worlds(input);
-  }
   Call begin(const Input& input, const CallOptions& options) {
     stream_ = static_cast<cudaStream_t>(options.stream);
     clock_.begin(stream_, options.timings), running_ = true;
@@ -145,32 +154,106 @@ class Work {
     check_memory(input);
     return {input, options, stream_, side_, processors, clock_, list_, options.history ? &history_ : nullptr};
   }
-  // With a stable order it does not depend on poses.
-  bool first_is_faster(const Input& input, const CallOptions& options) {
-    BodyCosts costs = tuning::kKnownBodies;
-    Input seen = input;
-    std::vector<Pose> poses;
-    if (options.order == Order::stable) {
-      costs.pair = 0;
-    } else {
-      if (input.revision == 0) costs = tuning::kNewBodies;
-      if (input.poses && input.pose_memory == Memory::device) {
-        check_memory(input);
-        poses.resize(input.bodies.size());
-        const auto stream = static_cast<cudaStream_t>(options.stream);
-        cuda_check(cudaMemcpyAsync(poses.data(), input.poses, poses.size() * sizeof(Pose),
-                                   cudaMemcpyDeviceToHost, stream),
-                   "read the poses");
-        cuda_check(cudaStreamSynchronize(stream), "read the poses");
-        seen.poses = poses.data(), seen.pose_memory = Memory::host;
-      }
-    }
-    bodies_.pieces().update(input.shapes);
+  // Are bodies to be searched first, and how many pairs of balls may touch then? A stable order depends on
+  // nothing but that number; in any order a sample tells beforehand, if poses lie in host memory.
+  void judge(const Input& input, const CallOptions& options) {
+    judged_ = input.revision, judged_order_ = options.order;
+    const bool any_order = options.order == Order::any;
+    const BodyCosts costs = any_order && input.revision == 0 ? tuning::kNewBodies : tuning::kKnownBodies;
     // Without a revision the table of what is static would be made in each call, which takes far longer.
-    const bool keeps_table = options.order == Order::any && input.revision != 0;
+    const bool keeps_table = any_order && input.revision != 0;
     const std::uint64_t moving =
         keeps_table ? moving_loose(input, static_cast<cudaStream_t>(options.stream)) : loose_count(input);
-    return bodies_first(seen, options.margin, sphere_count(input), moving, costs, bodies_.pieces());
+    most_pairs_ = most_touching_balls(input, spheres(), moving, costs);
+    automatic_first_ = most_pairs_ > 0;
+    if (!automatic_first_ || most_pairs_ == INFINITY || !any_order) return;
+    bodies_.pieces().update(input.shapes);
+    automatic_first_ = touching_balls(input, options.margin, bodies_.pieces()) < most_pairs_;
+  }
+  bool search_bodies(const Call& call, Contacts& c) {
+    const bool automatic = call.options.bodies == Bodies::automatic;
+    bodies_seen_ = true;
+    const bool done = bodies_.run(call, automatic ? most_pairs_ : INFINITY, c);
+    if (!done && automatic && call.options.order == Order::any) automatic_first_ = false;
+    return done;
+  }
+  // What does not change within a revision, since bodies may be many.
+  void read_facts(const Input& input) {
+    if (!has_facts(input)) {
+      facts_.spheres_of_bodies = sphere_count(input) - loose_count(input);
+      facts_.worlds = !input.spheres.world && has_worlds(input);
+    }
+    facts_.revision = input.revision, facts_.bodies = input.bodies.size(), facts_.loose = loose_count(input);
+    facts_.world_of_all = input.spheres.world_of_all;
+  }
+  bool has_facts(const Input& input) const {
+    return input.revision != 0 && input.revision == facts_.revision && input.bodies.size() == facts_.bodies &&
+           loose_count(input) == facts_.loose && input.spheres.world_of_all == facts_.world_of_all;
+  }
+  bool has_worlds_now(const Input& input) const {
+    return input.spheres.world ? has_worlds(input) : facts_.worlds;
+  }
+  std::uint64_t spheres() const { return facts_.spheres_of_bodies + facts_.loose; }
+  bool has_small_bodies() const { return spheres() <= tuning::kSmallBody * (facts_.bodies + facts_.loose); }
+  WorldAllowance allowance(bool of_list) const {
+    const double ns = tuning::kApartOfCall + tuning::kApartOfSphere * static_cast<double>(spheres());
+    WorldAllowance a;
+    a.pairs = static_cast<unsigned long long>(ns / tuning::kTreePair);
+    a.steps_of_warp = static_cast<std::uint32_t>(std::min(ns / tuning::kTreeStepOfWarp, 1e9));
+    a.elements_of_world = of_list ? tuning::kMostElementsOfList : tuning::kMostElementsOfAnswer;
+    return a;
+  }
+  // True: the list is matched with its history.
+  bool search_worlds(const Call& call, Contacts& c) {
+    const Input& input = call.input;
+    const bool automatic = call.options.bodies == Bodies::automatic,
+               tree_first = !input.bodies.empty() &&
+                            (call.options.bodies == Bodies::first || (automatic && !has_small_bodies()));
+    // In any order further calls of a revision in which the tree has given up begin without it.
+    const bool gave_up =
+        automatic && call.options.order == Order::any && input.revision != 0 && input.revision == gave_up_;
+    if (tree_first && !gave_up) {
+      worlds_seen_ = true;
+      if (worlds_.run(call, automatic ? allowance(true) : WorldAllowance{}, c)) return false;
+      gave_up_ = input.revision;
+    }
+    if (WorldsApart::takes(call) && worlds_apart_.run(read(call), call, c)) return worlds_apart_.matched();
+    worlds_seen_ = true;
+    worlds_.run(call, {}, c);
+    return false;
+  }
+  void answer_worlds(const Call& call, const Call& list_call) {
+    const bool counts = answers_.answer() == Answer::count;
+    if (!counts || !has_small_bodies()) {
+      worlds_seen_ = true;
+      if (worlds_.answer(call, allowance(counts), answers_)) return;
+      answers_.begin(answers_.keys().worlds, answers_.answer(), stream_);
+    }
+    if (answer_from_list(list_call, call.options.margin)) return;
+    worlds_seen_ = true;
+    worlds_.answer(call, {}, answers_);
+  }
+  // False: some are missing.
+  bool answer_from_list(const Call& call, double margin) {
+    if (!WorldsApart::takes(call)) return false;
+    Contacts c;
+    try {
+      const DeviceSpheres source = read(call);
+      if (!worlds_apart_.run(source, call, c)) return false;
+      // Their sentence comes from the tree.
+      if (c.spheres > 0 && worlds_apart_.last_world() >= answers_.keys().worlds) return false;
+      answers_.add(source, worlds_apart_.worlds(), source.world_of_all, list_.pairs(), c.count, stream_);
+    } catch (const MemoryError&) {  // answers need no list
+      worlds_apart_.forget();
+      return false;
+    }
+    return answers_.settle(stream_) || margin == call.options.margin;
+  }
+  // Of bodies a search knows only what it saw in the call before.
+  void forget_unseen() {
+    if (!std::exchange(bodies_seen_, false)) bodies_.forget();
+    if (!std::exchange(worlds_seen_, false)) worlds_.forget();
+    if (!std::exchange(input_seen_, false)) input_.forget();
   }
   // Asks where arrays lie that were not there in the previous call.
   void check_memory(const Input& input) {
@@ -192,6 +275,7 @@ class Work {
   }
   DeviceSpheres read(const Call& call) {
     const ProfileRange range("padder: read the input");
+    input_seen_ = true;
     const DeviceSpheres source = input_.source(call.input, call.stream);
     clock_.mark(StageClock::kPlace);
     return source;
@@ -245,10 +329,21 @@ class Work {
   BodySearch bodies_{book_};
   WorldSearch worlds_{book_};
   WorldsApart worlds_apart_{book_};
-  // What Bodies::automatic meant in the last call. In any order, further calls of the revision `decided_`
-  // keep to it; 0: no revision does.
+  AnswerArrays answers_{book_};
+  // What Bodies::automatic means for the revision `judged_`.
   bool automatic_first_ = false;
-  std::uint64_t decided_ = 0;
+  double most_pairs_ = INFINITY;
+  std::uint64_t judged_ = 0;
+  Order judged_order_ = Order::stable;
+  // Of this call. Also of the next ones with the revision, if nothing else here differs.
+  struct Facts {
+    std::uint64_t revision = 0, bodies = 0, loose = 0, spheres_of_bodies = 0;
+    std::uint32_t world_of_all = 0;
+    bool worlds = false;  // without those of an array
+  } facts_;
+  std::uint64_t gave_up_ = 0;  // the last revision of whose worlds the tree gave up
+  // What has seen the bodies of this call.
+  bool bodies_seen_ = false, worlds_seen_ = false, input_seen_ = false;
   std::optional<Stages> stages_;
   ContactList list_{book_};
   History history_{book_};

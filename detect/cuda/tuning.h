@@ -87,6 +87,21 @@ inline constexpr int kOctaveBlocks = 5;
 inline constexpr BodyCosts kKnownBodies{.ball = 0.75, .pair = 2.5, .static_call = 500'000, .static_each = 40},
     kNewBodies{.call = 250'000, .body = 15, .ball = 18, .pair = 2.5};
 
+// Bodies that fill less of the balls about their pieces are hollow: rods of five spheres fill 0.04, pieces of
+// shells 0.1 and more. Then the pairs of balls that touch are estimated before they are counted, which takes
+// 20 us; rods of 57 spheres had 28 million of them, and counting took 3.3 ms.
+inline constexpr double kHollow = 1.0 / 32;
+
+// Worlds are searched by their spheres, side by side, where a body, or loose sphere, has no more on average;
+// otherwise by the tree, if it may. It gives up where it would take longer than the spheres: about so long
+// for a call, and for each sphere. What its steps and pairs take was measured where they were slow. Random
+// scenes with up to a million spheres, in docs/experiments/worlds.md.
+inline constexpr std::uint64_t kSmallBody = 16;
+inline constexpr double kApartOfCall = 60'000, kApartOfSphere = 0.2;  // ns
+inline constexpr double kTreeStepOfWarp = 150, kTreePair = 1.5;       // ns
+// In a world of more elements a list, or a count, takes longer by the tree; the other answers end early.
+inline constexpr std::uint32_t kMostElementsOfList = 64, kMostElementsOfAnswer = 4096;
+
 // Up to so many elements, the balls are tested each with each, without a grid. Rows "1000 at 0.6" of
 // `bench piles`: a grid leaves most of the GPU without work there. Fewer processors move it down.
 inline constexpr std::uint32_t kAllPairsElements = 6144;

@@ -278,13 +278,11 @@ class OmpBackend final : public Backend {
     threads_ = chosen_.choose(options.threads, work);
   }
 
-  bool first_is_faster(const Input& input, const CallOptions& options, std::uint64_t spheres, bool known) {
-    Pieces& pieces = kept_->bodies.pieces();
-    if (!known) pieces.update(input.shapes);
+  bool first_is_faster(const Input& input, const CallOptions& options, std::uint64_t spheres) {
     const Spheres& s = input.spheres;
     const std::uint64_t moving =
         s.is_static ? static_cast<std::uint64_t>(std::count(s.is_static, s.is_static + s.count, 0)) : s.count;
-    return bodies_first(input, options.margin, spheres, moving, kBodyCosts, pieces);
+    return bodies_first(input, options.margin, spheres, moving, kBodyCosts, kept_->bodies.pieces());
   }
 
   static bool has_small_bodies(const Input& input, std::uint64_t spheres) {
@@ -323,7 +321,7 @@ class OmpBackend final : public Backend {
       return kept_->worlds.answer(input, options, threads_, allowance, answers);
     };
     const std::uint64_t n = sphere_count(input);
-    if ((answer == Answer::any || !has_small_bodies(input, n)) && tree(kTestsInVain * n)) return;
+    if ((answer != Answer::count || !has_small_bodies(input, n)) && tree(kTestsInVain * n)) return;
     CallOptions listed = options;
     listed.width = Width::pairs;
     if (answer == Answer::distance) listed.margin = 0;
@@ -353,7 +351,7 @@ class OmpBackend final : public Backend {
       return search_worlds(input, options, n);
     }
     const bool first =
-        may_go_first && (options.bodies == Bodies::first || first_is_faster(input, options, n, known));
+        may_go_first && (options.bodies == Bodies::first || first_is_faster(input, options, n));
     choose_threads(options, known && first ? kept_->bodies.work() : n);
     const Spheres& s = input.spheres;
     if (first) {

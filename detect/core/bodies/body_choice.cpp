@@ -82,14 +82,15 @@ double touching_balls(const Input& input, double margin, const Pieces& pieces) {
   return pairs;
 }
 
-bool bodies_first(const Input& input, double margin, std::uint64_t spheres, std::uint64_t moving_loose,
-                  const BodyCosts& costs, const Pieces& pieces) {
-  std::uint64_t balls = 0;
-  for (const Body& b : input.bodies) {
-    if (b.is_static) return true;  // expanded, it would be placed in each call
-    balls += pieces.shape_first[b.shape + 1] - pieces.shape_first[b.shape];
-  }
-  const bool some_static = moving_loose < loose_count(input);
+double most_touching_balls(const Input& input, std::uint64_t spheres, std::uint64_t moving_loose,
+                           const BodyCosts& costs) {
+  std::uint64_t balls = 0;  // that move
+  bool some_static = moving_loose < loose_count(input);
+  for (const Body& b : input.bodies)
+    if (b.is_static)
+      some_static = true;
+    else
+      balls += pieces_of(input.shapes[b.shape].count);
   // A loose sphere costs as much again, because it is brought into the balls' order as well.
   double left = static_cast<double>(spheres) - costs.call -
                 costs.body * static_cast<double>(input.bodies.size()) -
@@ -97,8 +98,31 @@ bool bodies_first(const Input& input, double margin, std::uint64_t spheres, std:
   if (some_static)
     left -= costs.static_call +
             costs.static_each * (static_cast<double>(balls) + static_cast<double>(moving_loose));
-  if (left <= 0 || costs.pair == 0 || balls == 0) return left > 0;
-  return costs.pair * touching_balls(input, margin, pieces) < left;
+  if (left <= 0) return 0;
+  return costs.pair == 0 ? INFINITY : left / costs.pair;
+}
+
+bool bodies_first(const Input& input, double margin, std::uint64_t spheres, std::uint64_t moving_loose,
+                  const BodyCosts& costs, Pieces& pieces) {
+  const double most = most_touching_balls(input, spheres, moving_loose, costs);
+  if (most == 0 || most == INFINITY) return most > 0;
+  pieces.update(input.shapes);
+  return touching_balls(input, margin, pieces) < most;
+}
+
+double filled(const Input& input, const Pieces& pieces) {
+  const auto cubed = [](double r) { return r * r * r; };
+  std::vector<double> of_balls(input.shapes.size()), of_spheres(input.shapes.size());
+  for (std::size_t k = 0; k < input.shapes.size(); k++)
+    for (std::uint32_t p = pieces.shape_first[k]; p < pieces.shape_first[k + 1]; p++) {
+      const Piece& piece = pieces.pieces[p];
+      of_balls[k] += cubed(piece.ball.r);
+      for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++)
+        of_spheres[k] += cubed(pieces.spheres[q].r);
+    }
+  double balls = 0, spheres = 0;
+  for (const Body& b : input.bodies) balls += of_balls[b.shape], spheres += of_spheres[b.shape];
+  return balls > 0 ? spheres / balls : 1;
 }
 
 }  // namespace padder::detect

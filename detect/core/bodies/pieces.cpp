@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cstring>
 #include <numeric>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
 
 namespace padder::detect {
 namespace {
@@ -99,6 +102,10 @@ void for_parts(const Shape& shape, std::span<std::uint32_t> all, std::uint32_t m
   }
 }
 
+std::string_view bytes_of(const Shape& shape) {
+  return {reinterpret_cast<const char*>(shape.spheres), shape.count * sizeof(Sphere)};
+}
+
 }  // namespace
 
 bool Pieces::update(std::span<const Shape> shapes) {
@@ -109,12 +116,18 @@ bool Pieces::update(std::span<const Shape> shapes) {
            (shapes[k].count == 0 ||
             std::memcmp(&given_[at], shapes[k].spheres, shapes[k].count * sizeof(Sphere)) == 0);
   if (same && !shape_first.empty()) return false;
-  spheres.clear(), numbers.clear(), near.clear(), pieces.clear(), boxes.clear(), groups.clear();
-  shape_first.clear();
-  given_.clear(), counts_.clear();
+  const Pieces old = std::exchange(*this, {});
+  std::unordered_map<std::string_view, std::size_t> known;
+  std::size_t given = 0;
+  for (std::size_t k = 0; k < old.counts_.size(); given += old.counts_[k++])
+    known.try_emplace(bytes_of({old.given_.data() + given, old.counts_[k]}), k);
   for (const Shape& shape : shapes) {
     shape_first.push_back(static_cast<std::uint32_t>(pieces.size()));
-    cut(shape);
+    const auto same_shape = known.find(bytes_of(shape));
+    if (same_shape == known.end())
+      cut(shape);
+    else
+      take(old, same_shape->second);
     counts_.push_back(shape.count);
     given_.insert(given_.end(), shape.spheres, shape.spheres + shape.count);
   }
@@ -122,6 +135,27 @@ bool Pieces::update(std::span<const Shape> shapes) {
   const Sphere loose{0, 0, 0, 1};
   add_near({&loose, 1}, loose);
   return true;
+}
+
+// A shape that was cut before.
+void Pieces::take(const Pieces& from, std::size_t shape) {
+  const std::uint32_t first = from.shape_first[shape], end = from.shape_first[shape + 1];
+  if (first == end) return;
+  const auto append = [](auto& to, const auto& all, std::size_t begin, std::size_t stop) {
+    to.insert(to.end(), all.begin() + static_cast<std::ptrdiff_t>(begin),
+              all.begin() + static_cast<std::ptrdiff_t>(stop));
+  };
+  const Piece& last = from.pieces[end - 1];
+  const std::size_t begin = from.pieces[first].first, stop = last.first + last.count;
+  const auto moved = static_cast<std::uint32_t>(spheres.size() - begin);
+  append(spheres, from.spheres, begin, stop), append(numbers, from.numbers, begin, stop);
+  append(near, from.near, begin, stop);
+  append(groups, from.groups, std::size_t(first) * kPieceGroups, std::size_t(end) * kPieceGroups);
+  append(boxes, from.boxes, first, end);
+  for (std::uint32_t p = first; p < end; p++) {
+    pieces.push_back(from.pieces[p]);
+    pieces.back().first += moved;
+  }
 }
 
 void Pieces::cut(const Shape& shape) {

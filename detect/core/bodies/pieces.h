@@ -15,6 +15,10 @@ namespace padder::detect {
 inline constexpr std::uint32_t kPieceSpheres = 64;  // at most, in a piece
 inline constexpr std::uint32_t kGroupSpheres = 8;   // at most, in a group
 inline constexpr std::uint32_t kPieceGroups = kPieceSpheres / kGroupSpheres;
+// Of a shape: all but one are full.
+PADDER_HD std::uint64_t pieces_of(std::uint64_t spheres) {
+  return (spheres + kPieceSpheres - 1) / kPieceSpheres;
+}
 PADDER_HD std::uint32_t groups_of(std::uint32_t spheres) {
   return (spheres + kGroupSpheres - 1) / kGroupSpheres;
 }
@@ -36,8 +40,8 @@ struct alignas(16) NearBox {
 };
 
 // All shapes, cut into pieces by halving along the longest axis, and each piece into groups in the same way:
-// every kGroupSpheres consecutive spheres of a piece are a group. A shape of n spheres costs O(n log n),
-// once.
+// every kGroupSpheres consecutive spheres of a piece are a group. A shape of n spheres costs O(n log n) where
+// the previous call had none like it.
 class Pieces {
  public:
   // Cuts the shapes into pieces. False if they are the shapes of the previous call, byte for byte: then it
@@ -57,6 +61,7 @@ class Pieces {
 
  private:
   void cut(const Shape& shape);
+  void take(const Pieces& from, std::size_t shape);
   void add_near(std::span<const Sphere> spheres, const Sphere& ball);
   std::vector<Sphere> given_;
   std::vector<std::uint64_t> counts_;

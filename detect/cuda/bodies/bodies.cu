@@ -26,6 +26,7 @@ void widen(Summary& s) {
 BodySearch::BodySearch(MemoryBook& book)
     : book_(book),
       input_(book),
+      estimate_(book),
       tools_(book),
       pairs_(book, "the bodies that meet"),
       hits_(book, "the contacts") {}
@@ -169,7 +170,9 @@ bool BodySearch::ordinary(const CallOptions& options) const {
 struct BodySearch::Steps {
   BodySearch& s;
   const Call& call;
+  double most_pairs;
   Contacts& contacts;
+  bool too_many_pairs = false;
   std::uint32_t moving = s.input_.view().moving;
   Output output = room_for(1024);
 
@@ -230,6 +233,9 @@ struct BodySearch::Steps {
     if (found.broad.flags & kOutside) throw Error(kChanged);
     if (found.broad.flags & kCrowded) {
       s.method_ = OrderMethod::sort;
+    } else if (static_cast<double>(pairs) > most_pairs) {
+      too_many_pairs = true;
+      return false;
     } else if (pairs > s.pairs_.capacity() || !known || spilled > memory.spill.capacity()) {
       if (pairs > s.pairs_.capacity()) s.pairs_.reserve(pairs + pairs / 8);
       if (stable) memory.spill.reserve(known ? spilled + spilled / 8 : pairs / 16 + 4096), s.quota_ = quota;
@@ -244,7 +250,7 @@ struct BodySearch::Steps {
   }
 };
 
-bool BodySearch::run(const Call& call, Contacts& contacts) {
+bool BodySearch::run(const Call& call, double most_pairs, Contacts& contacts) {
   const bool known = knows(call.input);
   {
     const ProfileRange range("padder: read the bodies");
@@ -252,12 +258,18 @@ bool BodySearch::run(const Call& call, Contacts& contacts) {
   }
   call.clock.mark(StageClock::kPlace);
   const std::uint32_t moving = input_.view().moving;
+  if (most_pairs < INFINITY && input_.estimates_pairs() &&
+      estimate_.pairs(input_.view(), call.stream) > most_pairs) {
+    input_.keep(call.input);
+    return false;
+  }
   pairs_.reserve(4 * std::uint64_t(moving) + 1024);
-  Steps steps{*this, call, contacts};
+  Steps steps{*this, call, most_pairs, contacts};
   // Where only a box's elements are searched, their number changes as they move, and with it the grid.
   if (!speculative_.run(steps, known && moving > 0 && moving == summary_.count)) return false;
-  call.clock.mark(8);
   input_.keep(call.input);
+  if (steps.too_many_pairs) return false;
+  call.clock.mark(8);
   contacts.spheres = input_.body_spheres() + loose_count(call.input);
   return true;
 }

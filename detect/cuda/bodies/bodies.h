@@ -5,6 +5,7 @@
 #pragma once
 #include "detect/cuda/bodies/body_input.h"
 #include "detect/cuda/bodies/narrow_phase.h"
+#include "detect/cuda/bodies/pair_estimate.h"
 #include "detect/cuda/call/call.h"
 #include "detect/cuda/call/speculative_call.h"
 
@@ -19,10 +20,10 @@ class BodySearch {
   // A call went another way: what moved in it was not seen.
   void forget() { input_.forget(); }
 
-  // All contacts into call.list, their number and that of the spheres to `contacts`. False: something is out
-  // of the ordinary (a pose that is none, coordinates beyond what a record holds); then the spheres of the
-  // bodies must be searched one by one. Throws Error.
-  bool run(const Call& call, Contacts& contacts);
+  // All contacts into call.list, their number and that of the spheres to `contacts`. False: the spheres of
+  // the bodies must be searched one by one. Either something is out of the ordinary (a pose that is none,
+  // coordinates beyond what a record holds), or more than `most_pairs` balls touch. Throws Error.
+  bool run(const Call& call, double most_pairs, Contacts& contacts);
 
  private:
   // Everything that decides what the device does between its first kernel and its count: whatever a kernel is
@@ -76,6 +77,7 @@ class BodySearch {
 
   MemoryBook& book_;
   BodyInput input_;
+  PairEstimate estimate_;
   Tools tools_;
   Summary summary_;
   Plan plan_;

@@ -50,45 +50,22 @@ struct BodyView {
   __device__ __forceinline__ Body placed_body(std::uint32_t k) const { return body_at_pose(pose_of(k)); }
 };
 
-struct MovedBody {
-  Pose pose;
-  std::uint64_t body = 0;
-};
-
-// Holds the bodies and their shapes. What belongs to elements is the owner's.
+// Holds the shapes of bodies. What belongs to elements is the owner's.
 class BodyArrays {
  public:
   explicit BodyArrays(MemoryBook& book);
 
-  // Copies all of them. `body_first`: the number of the first sphere of each body, and of the first loose
-  // sphere. The vectors must outlive the copies.
-  BodyView read(const Input& input, const Pieces& pieces, const std::vector<std::uint32_t>& body_first,
-                cudaStream_t stream);
-  // Brings the bodies of a known revision to their new poses. Poses that the caller keeps in host memory
-  // stand in input.bodies by now (revision.h), and only those that moved go to the device. Throws Error for a
-  // call without poses after one that left some where they were, since nobody knows them any more.
-  void move(const Input& input, cudaStream_t stream);
-  // The bodies whose poses are read where they lie in this call. Where some are static there are none, since
-  // static bodies stay where they were put.
-  PosePart in_place(const Input& input) const;
-  // The same as move() for what is not in place.
-  void move_in_place(const Input& input, BodyView& view, cudaStream_t stream);
-  // The poses of this call lie on GPUs, and its caller brings those that it needs to bodies(): all, or some.
-  void expect_poses(bool all) { in_place_ = !all; }
-  Body* bodies() { return bodies_.data(); }
+  // Copies all of them; of the view the bodies are the caller's. `body_first`: the number of the first sphere
+  // of each body, and of the first loose sphere. The vectors must outlive the copies.
+  BodyView read(const Input& input, const Body* bodies, const Pieces& pieces,
+                const std::vector<std::uint32_t>& body_first, cudaStream_t stream);
 
  private:
-  bool in_place_ = false;     // the poses of some bodies that move stayed where they were
-  std::uint64_t moving_ = 0;  // bodies
-  bool some_static_ = false;
-  Buffer<Body> bodies_;
-  Buffer<Pose> poses_;
   Buffer<Piece> pieces_;
   Buffer<Sphere> spheres_;
   Buffer<std::uint32_t> numbers_, body_first_;
   Buffer<NearSphere> near_, groups_;
   Buffer<NearBox> boxes_;
-  Buffer<MovedBody> moved_, host_moved_;
 };
 
 }  // namespace padder::detect::cuda

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 
+#include "detect/core/bodies/body_choice.h"
 #include "detect/cuda/call/call.h"
 #include "detect/cuda/device/blocks.h"
+#include "detect/cuda/tuning.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -100,6 +102,7 @@ std::uint64_t moving_loose(const Input& input, cudaStream_t stream) {
 
 BodyInput::BodyInput(MemoryBook& book)
     : copy_(book),
+      posed_(book),
       arrays_(book),
       near_elements_(book),
       elements_(book, "the pieces of bodies"),
@@ -128,12 +131,11 @@ bool BodyInput::read(const Call& call) {
   if (!known)
     read_all(input, stream);
   else if (!has_device_poses(input))
-    arrays_.move(input, stream);
+    posed_.move(input, stream);
   read_loose(input, known, stream);
   const bool limited = !(call.options.own == Region{});
-  near_ = view_, near_.in_place = arrays_.in_place(input);
-  if (view_.moving > 0 && has_device_poses(input))
-    arrays_.expect_poses(!limited && near_.in_place.count == 0);
+  near_ = view_, near_.in_place = posed_.in_place(input);
+  if (view_.moving > 0 && has_device_poses(input)) posed_.expect_poses(!limited && near_.in_place.count == 0);
   // First, since other GPUs wait for it.
   if (limited && view_.moving > 0) place_near(call);
   if (!table_known && !build_table(stream)) return false;
@@ -166,7 +168,7 @@ ElementRange BodyInput::elements_of(const PosePart& part) const {
 
 Placing BodyInput::placing() {
   // More than half of the margin, by far more than the decisions about it round.
-  return {near_, arrays_.bodies(), loose_, 0.5 * margin_ * (1 + 0x1p-40)};
+  return {near_, posed_.bodies(), loose_, 0.5 * margin_ * (1 + 0x1p-40)};
 }
 
 // Places what may have a contact in the box: of the bodies whose poses this GPU has, then of those whose
@@ -221,11 +223,13 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
     const Element el = assembly_.elements[e];
     if (el.body == kLoose) moving_loose_.push_back(el.piece);
   }
+  estimates_pairs_ = filled(input, assembly_.pieces) < tuning::kHollow ||
+                     assembly_.moving > 2 * std::uint64_t(assembly_.moving_pieces);
   largest_radius_ = 0;
   for (const Shape& shape : input.shapes)
     for (std::uint64_t k = 0; k < shape.count; k++)
       largest_radius_ = std::max(largest_radius_, shape.spheres[k].r);
-  view_ = arrays_.read(input, assembly_.pieces, assembly_.body_first, stream);
+  view_ = arrays_.read(input, posed_.read(input, stream), assembly_.pieces, assembly_.body_first, stream);
   view_.elements = copied(elements_, assembly_.elements.data(), assembly_.elements.size(), stream);
   view_.count = static_cast<std::uint32_t>(assembly_.elements.size()), view_.moving = assembly_.moving;
   view_.balls = balls_.reserve(view_.count), view_.stances = stances_.reserve(view_.count);

@@ -10,6 +10,7 @@
 #include "detect/cuda/bodies/body_arrays.h"
 #include "detect/cuda/bodies/near_elements.h"
 #include "detect/cuda/input/input_copy.h"
+#include "detect/cuda/input/posed_bodies.h"
 
 namespace padder::detect::cuda {
 
@@ -41,6 +42,9 @@ class BodyInput {
   Pieces& pieces() { return assembly_.pieces; }
   void forget() { revision_ = 0; }
 
+  // Are balls about pieces mostly empty, as those of rods, or are most elements loose spheres? Then many
+  // balls may touch where few spheres do.
+  bool estimates_pairs() const { return estimates_pairs_; }
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
   const BodyView& view() const { return near_; }
   const DeviceSpheres& loose() const { return loose_; }
@@ -65,11 +69,13 @@ class BodyInput {
   StaticTable table_;
   double static_extent_ = 0, margin_ = 0, largest_radius_ = 0;  // the last: of the spheres of bodies
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
+  bool estimates_pairs_ = false;
   std::vector<std::uint32_t> moving_loose_;
   BodyView view_, near_;  // of everything; without what is left out
   StaticView static_view_;
   DeviceSpheres loose_;
 
+  PosedBodies posed_;
   BodyArrays arrays_;
   NearElements near_elements_;
   Buffer<Element> elements_;

@@ -106,8 +106,7 @@ void ResidentDetector::Work::check_bodies(const Input& bodies) {
   have_worlds_ = bodies_have_worlds(bodies);
   BodyCosts costs = cuda::tuning::kKnownBodies;
   costs.pair = 0;  // the poses may be given in parts
-  pieces_.update(bodies.shapes);
-  bodies_first_ = bodies_first(bodies, 0, body_spheres_, 0, costs, pieces_);
+  bodies_first_ = most_touching_balls(bodies, body_spheres_, 0, costs) > 0;
 }
 
 // What has to be the same on all GPUs, and where each part begins in the scene.

@@ -98,7 +98,6 @@ class ResidentDetector::Work {
   bool read_each_other_ = false;                   // all GPUs, by their kernels
   bool have_worlds_ = false;                       // the bodies
   bool bodies_first_ = false;                      // automatically
-  Pieces pieces_;                                  // of the shapes of the bodies
   bool poses_stay_ = false;                        // in this call GPUs read each other's poses
   std::vector<Region> regions_;                    // the boxes of all GPUs, those of other ranks too
   std::vector<double> density_;                    // of each box: work for each sphere, in the call before

@@ -37,7 +37,7 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
 // Input in double is searched as float where that leaves float sure of most pairs, and worlds are searched
 // side by side (exact_test.h).
 bool may_round(const DeviceSpheres& source, const Summary& s, double margin) {
-  return (source.wide || source.worlds_apart) && source.placed == 0 &&
+  return (source.worlds_apart || (source.wide && source.placed == 0)) &&
          SphereSearch::serves_rounded(s, margin);
 }
 
@@ -135,7 +135,7 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   if (plan_.search.stable_order) plan_.search.quota = quota_;
   plan_.search.long_rows = long_rows_;
   plan_.search.rounded = rounded_ && may_round(source, summary, call.options.margin);
-  const bool floats = (plan_.search.rounded || !source.wide) && source.placed == 0 &&
+  const bool floats = plan_.searched().searched_as_floats() &&
                       float_range(summary.extent, summary.radius_max + call.options.margin / 2);
   plan_.kind = !floats                                    ? SlotKind::fixed_point
                : summary.radius_min == summary.radius_max ? SlotKind::equal

@@ -28,7 +28,8 @@ struct DeviceSpheres {
   const std::uint32_t* body_first = nullptr;   // its first sphere's number
   const Sphere* shape_spheres = nullptr;       // of all shapes, one after another
   const std::uint32_t* shape_first = nullptr;  // of each shape
-  const std::uint32_t* world = nullptr;        // of loose spheres; null: `world_of_all`
+  // Of loose spheres; null: `world_of_all`. Where worlds lie apart: of all spheres, those of bodies too.
+  const std::uint32_t* world = nullptr;
   std::uint32_t world_of_all = 0;
   // Of the loose spheres, `own` from number `before` on lie in the arrays above. The others came from other
   // GPUs and lie here, in the order of their numbers: x, y, z, r together, aligned to 16 bytes.
@@ -49,6 +50,9 @@ struct DeviceSpheres {
   bool worlds_apart = false;
   SideBySide side_by_side;
   friend bool operator==(const DeviceSpheres&, const DeviceSpheres&) = default;
+
+  // Are all numbers of searched() floats?
+  bool searched_as_floats() const { return worlds_apart || (placed == 0 && (rounded || !wide)); }
 
   // AsGiven: not rounded.
   template <bool AsGiven = false>

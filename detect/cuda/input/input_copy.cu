@@ -9,20 +9,9 @@
 namespace padder::detect::cuda {
 namespace {
 
-constexpr int kThreads = 256;
-
 __global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first, std::uint32_t* body_of) {
   for (std::uint32_t b = blockIdx.x; b < bodies; b += gridDim.x)
     for (std::uint32_t k = first[b] + threadIdx.x; k < first[b + 1]; k += blockDim.x) body_of[k] = b;
-}
-
-// `moving`: only of bodies that may move; the others are where they were put.
-__global__ void pose_kernel(std::uint32_t bodies, const Pose* poses, Body* out, bool moving) {
-  for (std::uint32_t b = blockIdx.x * blockDim.x + threadIdx.x; b < bodies; b += gridDim.x * blockDim.x) {
-    if (moving && out[b].is_static) continue;
-    for (int k = 0; k < 9; k++) out[b].rotation[k] = poses[b].rotation[k];
-    for (int k = 0; k < 3; k++) out[b].position[k] = poses[b].position[k];
-  }
 }
 
 __global__ void sphere_kernel(DeviceSpheres source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
@@ -39,17 +28,20 @@ InputCopy::InputCopy(MemoryBook& book)
       body_of_(book, "the bodies"),
       body_first_(book, "the bodies"),
       shape_first_(book, "the shapes"),
-      bodies_(book, "the bodies"),
-      poses_(book, "the poses"),
+      posed_(book),
       shapes_(book, "the shapes") {}
 
 DeviceSpheres InputCopy::source(const Input& input, cudaStream_t stream) {
   DeviceSpheres s;
-  s.count = static_cast<std::uint32_t>(sphere_count(input));
-  s.placed = s.count - static_cast<std::uint32_t>(loose_count(input));
+  const auto loose = static_cast<std::uint32_t>(loose_count(input));
+  s.placed = knows(input) ? known_placed_ : static_cast<std::uint32_t>(sphere_count(input)) - loose;
+  s.count = s.placed + loose;
   if (input.spheres.count) copy_loose(input.spheres, s, stream);
   if (input.around) take_around(input, s);
-  if (s.placed) copy_bodies(input, s, stream);
+  if (s.placed)
+    copy_bodies(input, s, stream);
+  else
+    forget();
   s.filtered =
       s.family || s.mask || s.is_static || s.placed || s.around.family || s.around.mask || s.around.is_static;
   return s;
@@ -93,6 +85,21 @@ void InputCopy::take_around(const Input& input, DeviceSpheres& s) {
 }
 
 void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t stream) {
+  const bool known = knows(input);
+  revision_ = 0;  // set when everything is enqueued
+  if (known) {
+    posed_.move(input, stream);
+  } else {
+    posed_.read(input, stream);
+    copy_shapes(input, s.placed, stream);
+  }
+  s.bodies = posed_.bodies(), s.body_of = body_of_.data(), s.body_first = body_first_.data(),
+  s.shape_spheres = shapes_.data(), s.shape_first = shape_first_.data();
+  revision_ = input.revision, known_bodies_ = input.bodies.size(), known_placed_ = s.placed;
+}
+
+// The spheres of the shapes, and to which body each placed sphere belongs. Waits for the device.
+void InputCopy::copy_shapes(const Input& input, std::uint32_t placed, cudaStream_t stream) {
   std::vector<std::uint32_t> first, shape_first;
   std::uint64_t spheres = 0, shape_spheres = 0;
   for (const Body& b : input.bodies) {
@@ -105,46 +112,20 @@ void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t s
     shape_spheres += shape.count;
   }
   Sphere* shapes = shapes_.reserve(shape_spheres);
-  Body* bodies = bodies_.reserve(input.bodies.size());
-  std::uint32_t *body_of = body_of_.reserve(spheres), *body_first = body_first_.reserve(first.size()),
+  std::uint32_t *body_of = body_of_.reserve(placed), *body_first = body_first_.reserve(first.size()),
                 *shapes_first = shape_first_.reserve(shape_first.size());
   const auto copy = [&](void* to, const void* from, std::uint64_t bytes) {
-    host_.run(to, from, bytes, "copy the bodies", stream);
+    host_.run(to, from, bytes, "copy the shapes", stream);
   };
   for (std::size_t k = 0; k < input.shapes.size(); k++)
     copy(shapes + shape_first[k], input.shapes[k].spheres, input.shapes[k].count * sizeof(Sphere));
-  copy(bodies, input.bodies.data(), input.bodies.size() * sizeof(Body));
   copy(body_first, first.data(), first.size() * 4),
       copy(shapes_first, shape_first.data(), shape_first.size() * 4);
   const auto n = static_cast<std::uint32_t>(input.bodies.size());
-  if (input.poses || input.poses_around) {
-    if (!has_device_poses(input)) copy(poses_.reserve(n), input.poses, n * sizeof(Pose));
-    const Pose* poses = has_device_poses(input) ? device_poses(input, poses_, stream) : poses_.data();
-    pose_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(n, poses, bodies, input.revision != 0);
-  }
   body_of_kernel<<<std::min(n, 8192u), 64, 0, stream>>>(n, body_first, body_of);
   cuda_launched("number the bodies' spheres");
-  // The vectors above must outlive their copies.
-  cuda_check(cudaStreamSynchronize(stream), "copy the bodies");
-  s.bodies = bodies, s.body_of = body_of, s.body_first = body_first, s.shape_spheres = shapes,
-  s.shape_first = shapes_first;
-}
-
-void copy_poses(const Input& input, Pose* to, cudaStream_t stream) {
-  const auto copy = [&](const Pose* from, std::uint64_t first, std::uint64_t count) {
-    if (count)
-      cuda_check(cudaMemcpyAsync(to + first, from, count * sizeof(Pose), cudaMemcpyDefault, stream),
-                 "read the poses");
-  };
-  if (!input.poses_around) return copy(input.poses, 0, input.bodies.size());
-  for (const PosePart& p : input.poses_around->parts)
-    copy(reinterpret_cast<const Pose*>(p.poses), p.first, p.count);
-}
-
-const Pose* device_poses(const Input& input, Buffer<Pose>& room, cudaStream_t stream) {
-  if (!input.poses_around) return input.poses;
-  copy_poses(input, room.reserve(input.bodies.size()), stream);
-  return room.data();
+  // The vectors must outlive their copies.
+  cuda_check(cudaStreamSynchronize(stream), "copy the shapes");
 }
 
 Sphere sphere_at(const DeviceSpheres& source, std::uint32_t k, cudaStream_t stream) {

@@ -21,9 +21,7 @@ class Surveyor {
   // that put the spheres in order clear the head and gather() the bounds. read() lets the report bring what
   // was found to the host. finish() is called after the stream has been waited for. It is false if an
   // expectation was wrong: then call survey().
-  static bool rides_along(const DeviceSpheres& source) {
-    return source.placed == 0 && (source.rounded || !source.wide);
-  }
+  static bool rides_along(const DeviceSpheres& source) { return source.searched_as_floats(); }
   void begin(const DeviceSpheres& source, bool octaves, int top, int processors, cudaStream_t stream);
   static void begin_bounds(unsigned long long* bounds, cudaStream_t stream);  // and clears the head
   Gather gather(bool octaves, int top) const {

@@ -14,7 +14,7 @@ namespace {
 
 struct OfEveryWorld {
   DeviceSpheres source;
-  __device__ bool operator()(std::uint32_t k) const { return source.world_of(k) == kEveryWorld; }
+  __device__ bool operator()(std::uint32_t k) const { return source.world[k] == kEveryWorld; }
 };
 struct NumberedSphere {
   DeviceSpheres source;
@@ -25,7 +25,7 @@ struct NumberedSphere {
 // Calls found(number, sphere) for each sphere of kEveryWorld that touches sphere k of another world.
 template <class Found>
 __device__ void find(const EveryWorldTask& task, std::uint32_t k, Found found) {
-  if (task.source.world_of(k) == kEveryWorld) return;
+  if (task.source.world[k] == kEveryWorld) return;
   const Sphere s = task.source.sphere(k);
   const Filter filter = task.source.filter(k);
   const TreeBox box = box_of(s, task.margin);

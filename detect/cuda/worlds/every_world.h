@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// Contacts of loose spheres of kEveryWorld with those of all other worlds, where the worlds lie side by side:
+// Contacts of spheres of kEveryWorld with those of all other worlds, where the worlds lie side by side:
 // each of the others walks over a tree of them. Only .cu files include this.
 #pragma once
 #include "detect/core/wide_tree.h"
@@ -9,7 +9,7 @@ namespace padder::detect::cuda {
 
 // What the kernels work on.
 struct EveryWorldTask {
-  DeviceSpheres source;
+  DeviceSpheres source;  // its world: of all spheres
   double margin = 0;
   std::uint32_t every = 0;                 // spheres of kEveryWorld
   WideTree tree;                           // of these

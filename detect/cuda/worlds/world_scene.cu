@@ -133,6 +133,7 @@ void build_tree(const WorldTree& tree, TreeBox* nodes, cudaStream_t stream) {
 
 WorldInput::WorldInput(MemoryBook& book)
     : copy_(book),
+      posed_(book),
       arrays_(book),
       elements_(book, "the pieces of bodies"),
       balls_(book, "the balls about bodies"),
@@ -161,13 +162,12 @@ void WorldInput::read_bodies(const Input& input, cudaStream_t stream) {
     for (std::uint32_t p = host_pieces_.shape_first[shape]; p < host_pieces_.shape_first[shape + 1]; p++)
       host_elements_.push_back({static_cast<std::uint32_t>(b), p});
   }
-  has_worlds_ = detect::has_worlds(input);
   worlds_of_bodies_ = 0;
   for (std::size_t b = 0; b < input.bodies.size(); b++)
     if (const std::uint32_t world = input.bodies[b].world; world != kEveryWorld && world >= worlds_of_bodies_)
       worlds_of_bodies_ = world + 1, last_world_body_ = b;
   scene_ = {};
-  scene_.view = arrays_.read(input, host_pieces_, first, stream);
+  scene_.view = arrays_.read(input, posed_.read(input, stream), host_pieces_, first, stream);
   scene_.pieces_given = copied(elements_, host_elements_.data(), host_elements_.size(), stream);
   scene_.of_bodies = static_cast<std::uint32_t>(host_elements_.size());
   cuda_check(cudaStreamSynchronize(stream), "copy the bodies");  // the vectors must outlive their copies
@@ -213,19 +213,18 @@ void WorldInput::order(bool along_curve, cudaStream_t stream) {
   scene_.tree.every_first = found_.every_first;
 }
 
-void WorldInput::read(const Input& input, std::uint32_t worlds, bool stances, bool reproducible,
-                      cudaStream_t stream) {
+bool WorldInput::read(const Input& input, const Wanted& wanted, cudaStream_t stream) {
   const Spheres& s = input.spheres;
   const bool known = knows(input);
   const bool same_order =
       known && s.count == known_loose_ && !s.world && s.world_of_all == known_world_of_loose_;
   revision_ = 0;  // until keep()
   if (known)
-    arrays_.move_in_place(input, scene_.view, stream);
+    scene_.view.in_place = posed_.move_in_place(input, stream);
   else
     read_bodies(input, stream);
-  if (worlds_of_bodies_ > worlds)
-    throw Error(world_sentence(false, last_world_body_, worlds_of_bodies_ - 1, worlds));
+  if (worlds_of_bodies_ > wanted.worlds)
+    throw Error(world_sentence(false, last_world_body_, worlds_of_bodies_ - 1, wanted.worlds));
   known_bodies_ = input.bodies.size(), known_loose_ = s.count;
   known_world_of_loose_ = s.world ? ~0u - 1 : s.world_of_all;
   Input only;
@@ -238,20 +237,22 @@ void WorldInput::read(const Input& input, std::uint32_t worlds, bool stances, bo
   cuda_check(
       cudaMemsetAsync(&scene_.report->extent, 0, sizeof(WorldReport) - offsetof(WorldReport, extent), stream),
       "begin");
-  if (n == 0) return;
+  if (n == 0) return true;
   if (!same_order) order(false, stream);
-  if (same_order && !reproducible ? found_.largest_own > kLargeWorld : found_.largest > kSmallWorld)
+  if (found_.largest_own > wanted.elements_of_world) return false;
+  if (same_order && !wanted.reproducible ? found_.largest_own > kLargeWorld : found_.largest > kSmallWorld)
     order(true, stream);
   scene_.view.count = n;
   scene_.tree.balls = scene_.view.balls = balls_.reserve(n);
   scene_.near_balls = near_balls_.reserve(n);
-  scene_.view.stances = stances ? stances_.reserve(n) : nullptr;
+  scene_.view.stances = wanted.stances ? stances_.reserve(n) : nullptr;
   const std::uint32_t base = base_of(found_.largest_own, found_.every_first);
   TreeBox* nodes = nodes_.reserve(lay_out(scene_.tree, n, base));
   scene_.tree.nodes = nodes;
-  place_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(scene_, worlds);
+  place_kernel<<<blocks_of_loop(n, kThreads), kThreads, 0, stream>>>(scene_, wanted.worlds);
   cuda_launched("place the balls about bodies");
   build_tree(scene_.tree, nodes, stream);
+  return true;
 }
 
 void WorldInput::check(const WorldReport& report, const Input& input, const CallOptions& options,

@@ -4,6 +4,7 @@
 #include "detect/core/world_tree.h"
 #include "detect/cuda/bodies/body_arrays.h"
 #include "detect/cuda/input/input_copy.h"
+#include "detect/cuda/input/posed_bodies.h"
 
 namespace padder::detect::cuda {
 
@@ -24,6 +25,8 @@ struct WorldReport {
   unsigned long long extent;       // bits of the largest |coordinate| + radius
   // The elements of the largest world, and of the largest one but kEveryWorld.
   std::uint32_t largest, largest_own, every_first;
+  unsigned long long pairs;  // of elements that are near each other
+  std::uint32_t gave_up;     // not 0: a warp has taken more steps than are allowed
 };
 
 // Elements are given in the order of the input: the pieces of all bodies, then the loose spheres. `order`
@@ -61,16 +64,19 @@ class WorldInput {
  public:
   explicit WorldInput(MemoryBook& book);
 
-  // Everything but the report is enqueued when it returns. Waits for the device if the order is new.
-  // `worlds`: elements of a world that is not below it are reported. `stances`: whether they are wanted.
-  // `reproducible`: the order follows from this input alone. Throws Error.
-  void read(const Input& input, std::uint32_t worlds, bool stances, bool reproducible, cudaStream_t stream);
+  // What a search wants of its input.
+  struct Wanted {
+    std::uint32_t worlds = ~0u;             // elements of a world that is not below it are reported
+    std::uint32_t elements_of_world = ~0u;  // at most, but of kEveryWorld
+    bool stances = false;
+    bool reproducible = false;  // the order follows from this input alone
+  };
+  // Everything but the report is enqueued when it returns. Waits for the device if the order is new. False:
+  // some world has too many elements, and there is no tree. Throws Error.
+  bool read(const Input& input, const Wanted& wanted, cudaStream_t stream);
   bool knows(const Input& input) const {  // by its revision
     return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_;
   }
-  // Has the last call counted as many spheres?
-  bool counted(const Input& input) const { return knows(input) && input.spheres.count == known_loose_; }
-  bool has_worlds() const { return has_worlds_; }  // of the revision that is known
   void keep(const Input& input) { revision_ = input.revision; }
   void forget() { revision_ = 0; }
 
@@ -87,13 +93,13 @@ class WorldInput {
   WorldScene scene_;
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
   std::uint32_t known_world_of_loose_ = 0;
-  WorldReport found_{};  // of the order
-  bool has_worlds_ = false;
+  WorldReport found_{};                 // of the order
   std::uint32_t worlds_of_bodies_ = 0;  // the least number of worlds that has all of theirs
   std::size_t last_world_body_ = 0;     // one of the last of these worlds
   std::vector<Element> host_elements_;
   Pieces host_pieces_;
   InputCopy copy_;
+  PosedBodies posed_;
   BodyArrays arrays_;
   Buffer<Element> elements_;
   Buffer<Sphere> balls_;

@@ -2,7 +2,6 @@
 #include "detect/cuda/worlds/world_search.h"
 
 #include <algorithm>
-#include <chrono>
 
 #include "detect/cuda/device/blocks.h"
 #include "detect/cuda/device/exclusive_sum.h"
@@ -22,15 +21,6 @@ enum class Pass {
   pair       // and the first pair with that distance
 };
 
-// Numbers as keys: ordered in the same way, for atomicMin().
-__device__ __forceinline__ unsigned long long key_of(double v) {
-  const auto bits = static_cast<unsigned long long>(__double_as_longlong(v));
-  return bits >> 63 ? ~bits : bits | 1ull << 63;
-}
-__device__ __forceinline__ double number_of(unsigned long long key) {
-  return __longlong_as_double(static_cast<long long>(key >> 63 ? key ^ 1ull << 63 : ~key));
-}
-
 // Spheres of two elements, placed, in the shared memory of a warp.
 struct PlacedSphere {
   double x, y, z, r;
@@ -48,6 +38,7 @@ struct Lane {
   bool active;
   double reach;  // the largest gap of interest
   std::uint32_t found;
+  std::uint32_t steps;  // of the warp; see WorldAllowance
 };
 
 __device__ __forceinline__ void set_reach(const WorldScene& scene, Lane& lane, double reach) {
@@ -76,27 +67,26 @@ template <Pass kPass>
 __device__ __forceinline__ void keep(const WorldTask& task, std::uint32_t world, std::uint32_t count,
                                      double distance) {
   if (count == 0) return;
-  if constexpr (kPass == Pass::any) task.any[world] = 1;
-  if constexpr (kPass == Pass::total) atomicAdd(&task.totals[world], static_cast<unsigned long long>(count));
-  if constexpr (kPass == Pass::distance) atomicMin(&task.distances[world], key_of(distance));
+  if constexpr (kPass == Pass::any) task.keys.any[world] = 1;
+  if constexpr (kPass == Pass::total)
+    atomicAdd(&task.keys.totals[world], static_cast<unsigned long long>(count));
+  if constexpr (kPass == Pass::distance) task.keys.keep_distance(world, distance);
 }
 // A contact with the smallest distance of its world names its pair.
 __device__ __forceinline__ void keep_pair(const WorldTask& task, std::uint32_t world, double best,
                                           const Sphere& a, const Sphere& b, std::uint32_t number_a,
                                           std::uint32_t number_b) {
-  if (signed_distance(a, b) != best) return;
-  const std::uint32_t i = min(number_a, number_b), j = max(number_a, number_b);
-  atomicMin(&task.pairs[world], static_cast<unsigned long long>(i) << 32 | j);
+  if (signed_distance(a, b) == best) task.keys.keep_pair(world, number_a, number_b);
 }
 
 template <Pass kPass>
 __device__ __forceinline__ bool ended(const WorldTask& task, std::uint32_t world) {
-  return kPass == Pass::any && *static_cast<const volatile std::uint8_t*>(task.any + world) != 0;
+  return kPass == Pass::any && task.keys.has_any(world);
 }
 template <Pass kPass>
 __device__ __forceinline__ double reach_of(const WorldTask& task, std::uint32_t world) {
   if (kPass != Pass::distance && kPass != Pass::pair) return task.margin;
-  const double best = number_of(*static_cast<const volatile unsigned long long*>(task.distances + world));
+  const double best = task.keys.nearest(world);
   return kPass == Pass::pair ? best : smaller(task.margin, best);
 }
 
@@ -129,17 +119,17 @@ __device__ std::uint32_t gather(const WorldScene& scene, const WorldElement& ele
   return count;
 }
 
-// The warp tests the spheres of elements a and b of a world.
+// The warp tests the spheres of elements a and b of a world. Returns how many it tested.
 template <Pass kPass>
-__device__ void test_pair(const WorldTask& task, Room& room, std::uint32_t a, std::uint32_t b,
-                          std::uint32_t world, double reach) {
+__device__ std::uint32_t test_pair(const WorldTask& task, Room& room, std::uint32_t a, std::uint32_t b,
+                                   std::uint32_t world, double reach) {
   const WorldScene& scene = task.scene;
   const WorldElement ea = scene.elements[a], eb = scene.elements[b];
   const Sphere ball_a = scene.view.balls[a], ball_b = scene.view.balls[b];
   const std::uint32_t lane = threadIdx.x & 31;
   __syncwarp();  // before the room is used again
   const std::uint32_t na = gather(scene, ea, ball_a, ball_b, reach, room.a, room.slot_a);
-  if (na == 0) return;
+  if (na == 0) return kPieceSpheres;
   const std::uint32_t nb = gather(scene, eb, ball_b, ball_a, reach, room.b, room.slot_b);
   __syncwarp();
   std::uint32_t count = 0;
@@ -166,19 +156,22 @@ __device__ void test_pair(const WorldTask& task, Room& room, std::uint32_t a, st
   if constexpr (kPass == Pass::distance)
     for (int d = 16; d; d >>= 1) mine = smaller(mine, __shfl_xor_sync(~0u, mine, d));
   if (lane == 0) keep<kPass>(task, world, count, mine);
+  return 2 * kPieceSpheres + na * nb;
 }
 
 template <Pass kPass>
 __device__ void begin(const WorldTask& task, std::uint32_t element, bool used, Lane& lane) {
   const WorldScene& scene = task.scene;
   lane.element = element, lane.world = 0, lane.active = false, lane.found = 0, lane.reach = 0;
+  lane.steps = 0;
   lane.from = ~0u, lane.until = 0, lane.ball = {}, lane.box = {};
   if (!used || (kPass == Pass::write && task.counts[element] == 0)) return;
   const WorldElement& me = scene.elements[element];
   lane.world = me.world;
   // A world that no answer is asked for has no place among them; the report names it.
-  if (!kListsPairs<kPass> && lane.world >= task.worlds) return;
+  if (!kListsPairs<kPass> && lane.world >= task.keys.worlds) return;
   if (ended<kPass>(task, lane.world)) return;
+  if (!kListsPairs<kPass> && task.keys.answered && task.keys.answered[lane.world]) return;
   const double reach = reach_of<kPass>(task, lane.world);
   if (kPass == Pass::pair && reach == INFINITY) return;  // the world has no contacts
   lane.active = true, lane.from = me.partners, lane.until = me.world_end;
@@ -236,8 +229,9 @@ __device__ void settle(const WorldTask& task, Room& room, Lane& lane, Held held)
       const int from = __ffs(left) - 1;
       const std::uint32_t in = __shfl_sync(~0u, world, from);
       if (__any_sync(~0u, ended<kPass>(task, in))) continue;
-      test_pair<kPass>(task, room, __shfl_sync(~0u, a, from), __shfl_sync(~0u, held.k, from), in,
-                       __shfl_sync(~0u, reach, from));
+      lane.steps += test_pair<kPass>(task, room, __shfl_sync(~0u, a, from), __shfl_sync(~0u, held.k, from),
+                                     in, __shfl_sync(~0u, reach, from)) /
+                    32;
     }
     __syncwarp();
     if (kPass == Pass::any) lane.active = lane.active && !ended<kPass>(task, lane.world);
@@ -290,12 +284,21 @@ __device__ void walk(const WorldTask& task, Room& room, Lane& lane) {
     if (run.first >= run.end) return;
     if (!run.in_node) mask = __ballot_sync(~0u, lane.active && run.first < lane.until && lane.from < run.end);
     test_run<kPass>(task, room, lane, run, mask);
+    if constexpr (kPass != Pass::write && kPass != Pass::pair) {
+      lane.steps += __popc(mask);
+      if (lane.steps > task.allowed.steps_of_warp) {
+        task.scene.report->gave_up = 1;
+        lane.active = false;
+        return;
+      }
+    }
     if (kPass == Pass::any && !__any_sync(~0u, lane.active)) return;
   }
 }
 
 template <Pass kPass>
 __global__ void __launch_bounds__(kThreads) search_kernel(const __grid_constant__ WorldTask task) {
+  if ((kPass == Pass::write || kPass == Pass::pair) && task.scene.report->gave_up) return;
   __shared__ Room rooms[kListsPairs<kPass> ? 1 : kWarps];
   Room& room = rooms[kListsPairs<kPass> ? 0 : threadIdx.x >> 5];
   const std::uint64_t warp = blockIdx.x * std::uint64_t(kWarps) + (threadIdx.x >> 5);
@@ -320,17 +323,13 @@ void search(const WorldTask& task, cudaStream_t stream) {
   cuda_launched("search the worlds");
 }
 
-__global__ void fill_kernel(unsigned long long* keys, unsigned long long* pairs, std::uint32_t n) {
-  for (std::uint32_t k = blockIdx.x * blockDim.x + threadIdx.x; k < n; k += gridDim.x * blockDim.x)
-    keys[k] = key_of(INFINITY), pairs[k] = ~0ull;
+// How many pairs there are, and how many of them the narrow phase is to see: none, if they are too many.
+__global__ void count_kernel(const unsigned long long* all, WorldAllowance allowed, WorldReport* report,
+                             BodyCounters* counters) {
+  report->pairs = *all;
+  counters->broad.contacts = report->gave_up || *all > allowed.pairs ? 0 : *all;
 }
-__global__ void finish_kernel(const unsigned long long* keys, const unsigned long long* pairs,
-                              std::uint32_t n, double* distance, Pair* pair) {
-  for (std::uint32_t k = blockIdx.x * blockDim.x + threadIdx.x; k < n; k += gridDim.x * blockDim.x) {
-    distance[k] = number_of(keys[k]);
-    pair[k] = {static_cast<std::uint32_t>(pairs[k] >> 32), static_cast<std::uint32_t>(pairs[k])};
-  }
-}
+
 }  // namespace
 
 WorldSearch::WorldSearch(MemoryBook& book)
@@ -342,17 +341,6 @@ WorldSearch::WorldSearch(MemoryBook& book)
       host_counters_(book, "counters", true),
       counts_(book, "the bodies that meet"),
       offsets_(book, "the bodies that meet"),
-      totals_(book, "the answers"),
-      keys_(book, "the answers"),
-      pair_keys_(book, "the answers"),
-      any_(book, "the answers"),
-      host_any_(book, "the answers", true),
-      count_(book, "the answers"),
-      host_count_(book, "the answers", true),
-      distance_(book, "the answers"),
-      host_distance_(book, "the answers", true),
-      pair_(book, "the answers"),
-      host_pair_(book, "the answers", true),
       scratch_(book, "sums"),
       host_report_(book, "the report", true) {}
 
@@ -387,9 +375,8 @@ void WorldSearch::find_pairs(WorldTask task, cudaStream_t stream) {
   cuda_check(cudaMemsetAsync(task.counts + n, 0, sizeof *task.counts, stream), "clear the counters");
   search<Pass::count>(task, stream);
   exclusive_sum(task.counts, task.offsets, n + std::uint64_t(1), scratch_, stream);
-  cuda_check(cudaMemcpyAsync(&counters->broad.contacts, task.offsets + n, sizeof *task.offsets,
-                             cudaMemcpyDeviceToDevice, stream),
-             "count the pairs");
+  count_kernel<<<1, 1, 0, stream>>>(task.offsets + n, task.allowed, task.scene.report, counters);
+  cuda_launched("count the pairs");
   search<Pass::write>(task, stream);
 }
 
@@ -409,15 +396,17 @@ void WorldSearch::narrow_phase(const Call& call) {
              "read the counters");
 }
 
-void WorldSearch::run(const Call& call, Contacts& contacts) {
+bool WorldSearch::run(const Call& call, const WorldAllowance& allowed, Contacts& contacts) {
   const cudaStream_t stream = call.stream;
-  input_.read(call.input, ~0u, true, call.options.order == Order::stable, stream);
+  const bool stable = call.options.order == Order::stable;
+  if (!input_.read(call.input, {~0u, allowed.elements_of_world, true, stable}, stream))
+    return input_.keep(call.input), false;
   call.clock.mark(StageClock::kPlace);
   WorldTask task = task_of(call.options, call.processors);
   const std::uint32_t n = task.end = task.scene.count;
+  task.allowed = allowed;
   contacts.spheres = task.scene.view.loose_first + call.input.spheres.count;
-  if (n == 0) return;
-  const bool stable = call.options.order == Order::stable;
+  if (n == 0) return true;
   const auto make_room = [&](std::uint64_t count) {
     call.list.reserve(call.options, count);
     if (stable) hits_.reserve(count);
@@ -428,6 +417,9 @@ void WorldSearch::run(const Call& call, Contacts& contacts) {
   narrow_phase(call);
   const WorldReport found = report(stream);
   input_.check(found, call.input, call.options, ~0u, stream);
+  input_.keep(call.input);
+  if (found.gave_up || found.pairs > allowed.pairs) return false;
+  task.allowed = {};  // what is counted again counts once
   // What was too small was counted to its end, and is made larger.
   const BodyCounters& counters = *host_counters_.data();
   if (const std::uint64_t pairs = counters.broad.contacts; pairs > near_pairs_.capacity()) {
@@ -447,58 +439,26 @@ void WorldSearch::run(const Call& call, Contacts& contacts) {
   }
   call.clock.mark(8);
   contacts.count = counters.contacts;
-  input_.keep(call.input);
+  return true;
 }
 
-template <class T>
-const T* WorldSearch::delivered(const Buffer<T>& from, Buffer<T>& host, std::uint64_t count,
-                                const CallOptions& options, cudaStream_t stream) {
-  if (options.output == Memory::device) return from.data();
-  T* to = host.reserve(count);
-  if (count)
-    cuda_check(cudaMemcpyAsync(to, from.data(), count * sizeof(T), cudaMemcpyDeviceToHost, stream),
-               "copy the answers");
-  return to;
-}
-
-WorldAnswers WorldSearch::answer(const Input& input, const CallOptions& options, std::uint32_t worlds,
-                                 Answer answer, int processors, cudaStream_t stream) {
-  const auto begun = std::chrono::steady_clock::now();
-  CallOptions o = options;
+bool WorldSearch::answer(const Call& call, const WorldAllowance& allowed, const AnswerArrays& answers) {
+  CallOptions o = call.options;
   o.width = Width::pairs;  // there are no records whose range could be too small
-  input_.read(input, worlds, false, false, stream);
-  WorldTask task = task_of(o, processors);
+  const std::uint32_t worlds = answers.keys().worlds;
+  if (!input_.read(call.input, {worlds, allowed.elements_of_world}, call.stream))
+    return input_.keep(call.input), false;
+  WorldTask task = task_of(o, call.processors);
   task.end = task.scene.count ? task.scene.tree.every_first : 0;
-  task.worlds = worlds;
-  WorldAnswers answers;
-  answers.worlds = worlds, answers.memory = options.output;
-  if (answer == Answer::any) {
-    task.any = any_.reserve(worlds);
-    cuda_check(cudaMemsetAsync(task.any, 0, worlds, stream), "begin the answers");
-    search<Pass::any>(task, stream);
-    answers.any = delivered(any_, host_any_, worlds, options, stream);
-  } else if (answer == Answer::count) {
-    static_assert(sizeof(std::uint64_t) == sizeof(unsigned long long));
-    task.totals = reinterpret_cast<unsigned long long*>(count_.reserve(worlds));
-    cuda_check(cudaMemsetAsync(task.totals, 0, worlds * sizeof *task.totals, stream), "begin the answers");
-    search<Pass::total>(task, stream);
-    answers.count = delivered(count_, host_count_, worlds, options, stream);
-  } else {
-    task.distances = keys_.reserve(worlds), task.pairs = pair_keys_.reserve(worlds);
-    fill_kernel<<<blocks_of_loop(worlds, 256), 256, 0, stream>>>(task.distances, task.pairs, worlds);
-    search<Pass::distance>(task, stream);
-    search<Pass::pair>(task, stream);
-    finish_kernel<<<blocks_of_loop(worlds, 256), 256, 0, stream>>>(
-        task.distances, task.pairs, worlds, distance_.reserve(worlds), pair_.reserve(worlds));
-    cuda_launched("finish the answers");
-    answers.distance = delivered(distance_, host_distance_, worlds, options, stream);
-    answers.pair = delivered(pair_, host_pair_, worlds, options, stream);
-  }
-  const WorldReport found = report(stream);
-  input_.check(found, input, o, worlds, stream);
-  input_.keep(input);
-  answers.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
-  return answers;
+  task.keys = answers.keys(), task.allowed = allowed;
+  if (answers.answer() == Answer::any) search<Pass::any>(task, call.stream);
+  if (answers.answer() == Answer::count) search<Pass::total>(task, call.stream);
+  if (answers.answer() == Answer::distance)
+    search<Pass::distance>(task, call.stream), search<Pass::pair>(task, call.stream);
+  const WorldReport found = report(call.stream);
+  input_.check(found, call.input, o, worlds, call.stream);
+  input_.keep(call.input);
+  return !found.gave_up;
 }
 
 }  // namespace padder::detect::cuda

@@ -6,9 +6,18 @@
 #pragma once
 #include "detect/cuda/bodies/narrow_phase.h"
 #include "detect/cuda/call/call.h"
+#include "detect/cuda/worlds/world_answers.h"
 #include "detect/cuda/worlds/world_scene.h"
 
 namespace padder::detect::cuda {
+
+// How much a search of the tree may do before it gives up.
+struct WorldAllowance {
+  unsigned long long pairs = ~0ull;  // of elements that are near each other
+  // A step is a run of eight elements against one, or 32 tests of two spheres.
+  std::uint32_t steps_of_warp = ~0u;
+  std::uint32_t elements_of_world = ~0u;  // in the largest, but for kEveryWorld
+};
 
 // What a kernel of the search works on.
 struct WorldTask {
@@ -23,23 +32,19 @@ struct WorldTask {
   unsigned long long* offsets = nullptr;
   Pair* near_pairs = nullptr;
   std::uint64_t pair_room = 0;
-  // Of each world that an answer is asked for.
-  std::uint32_t worlds = 0;
-  std::uint8_t* any = nullptr;
-  unsigned long long *totals = nullptr, *distances = nullptr, *pairs = nullptr;  // two keys; see the kernel
+  WorldKeys keys;  // for answers
+  WorldAllowance allowed;
 };
 
 class WorldSearch {
  public:
   explicit WorldSearch(MemoryBook& book);
 
-  // All contacts into call.list, their number and that of the spheres to `contacts`. Throws Error.
-  void run(const Call& call, Contacts& contacts);
-  WorldAnswers answer(const Input& input, const CallOptions& options, std::uint32_t worlds, Answer answer,
-                      int processors, cudaStream_t stream);
-  bool knows(const Input& input) const { return input_.knows(input); }
-  bool counted(const Input& input) const { return input_.counted(input); }
-  bool has_worlds() const { return input_.has_worlds(); }
+  // All contacts into call.list, their number and that of the spheres to `contacts`. False: more than is
+  // allowed would have to be done. Throws Error.
+  bool run(const Call& call, const WorldAllowance& allowed, Contacts& contacts);
+  // Answers for those worlds that have none. False: as above; then some have none yet.
+  bool answer(const Call& call, const WorldAllowance& allowed, const AnswerArrays& answers);
   void forget() { input_.forget(); }
 
  private:
@@ -47,9 +52,6 @@ class WorldSearch {
   void find_pairs(WorldTask task, cudaStream_t stream);
   void narrow_phase(const Call& call);
   WorldReport report(cudaStream_t stream);  // waits for the device
-  template <class T>
-  const T* delivered(const Buffer<T>& from, Buffer<T>& host, std::uint64_t count, const CallOptions& options,
-                     cudaStream_t stream);
 
   WorldInput input_;
   NarrowPhaseMemory narrow_;
@@ -57,11 +59,7 @@ class WorldSearch {
   Buffer<uint4> hits_;
   Buffer<BodyCounters> counters_, host_counters_;
   Buffer<std::uint32_t> counts_;
-  Buffer<unsigned long long> offsets_, totals_, keys_, pair_keys_;
-  Buffer<std::uint8_t> any_, host_any_;
-  Buffer<std::uint64_t> count_, host_count_;
-  Buffer<double> distance_, host_distance_;
-  Buffer<Pair> pair_, host_pair_;
+  Buffer<unsigned long long> offsets_;
   Buffer<unsigned char> scratch_;
   Buffer<WorldReport> host_report_;
 };

@@ -24,7 +24,8 @@ __global__ void begin_kernel(unsigned long long* words) {
   if (threadIdx.x < kWords) words[threadIdx.x] = none_of(threadIdx.x);
 }
 
-// A number that is none is no bound, but it is larger than all others.
+// A number that is none is no bound, but it is larger than all others. Here, and where spheres lie side by
+// side, source.world is of all spheres, those of bodies too.
 __global__ void __launch_bounds__(kThreads) bounds_kernel(DeviceSpheres source, unsigned long long* words) {
   unsigned long long low[kValues], high[kValues];
   unsigned long long every = 0;
@@ -36,7 +37,7 @@ __global__ void __launch_bounds__(kThreads) bounds_kernel(DeviceSpheres source, 
        k += std::uint64_t(gridDim.x) * kThreads) {
     const auto number = static_cast<std::uint32_t>(k);
     const Sphere s = source.sphere(number);
-    const std::uint32_t world = source.world_of(number);
+    const std::uint32_t world = source.world[number];
     const bool is_every = world == kEveryWorld;
     const unsigned long long v[kValues] = {ordered(s.x), ordered(s.y), ordered(s.z), ordered(s.r), world};
     every += is_every;
@@ -65,6 +66,11 @@ __global__ void __launch_bounds__(kThreads) bounds_kernel(DeviceSpheres source, 
   }
 }
 
+void gather_worlds(const DeviceSpheres& source, std::uint32_t* worlds, cudaStream_t stream) {
+  each(source.count, stream, "read the worlds",
+       [=] __device__(std::uint64_t k) { worlds[k] = source.world_of(static_cast<std::uint32_t>(k)); });
+}
+
 // Of each world its place among the distinct ones; sorted[n]: how many these are.
 void write_ranks(const std::uint32_t* worlds, std::uint32_t n, const std::uint32_t* sorted,
                  std::uint32_t* ranks, cudaStream_t stream) {
@@ -82,9 +88,9 @@ void write_ranks(const std::uint32_t* worlds, std::uint32_t n, const std::uint32
 }  // namespace
 
 WorldsApart::WorldsApart(MemoryBook& book)
-    : input_(book),
-      search_(book),
+    : search_(book),
       every_(book),
+      worlds_(book, "worlds"),
       ranks_(book, "the ranks of worlds"),
       sorted_worlds_(book, "the ranks of worlds"),
       scratch_(book, "sorting"),
@@ -136,19 +142,30 @@ bool WorldsApart::lay_out(const WorldBounds& b, double margin, DeviceSpheres& so
   return source.worlds_apart = SphereSearch::serves_rounded(apart, margin);
 }
 
-bool WorldsApart::run(const Call& call, Contacts& contacts) {
-  const Input& input = call.input;
-  if (!input.bodies.empty() || input.around || !(call.options.own == Region{})) return false;
-  DeviceSpheres source = input_.source(input, call.stream);
+// The world of each sphere, those of bodies too. Null: all are of one world.
+const std::uint32_t* WorldsApart::all_worlds(const DeviceSpheres& source, cudaStream_t stream) {
+  if (source.placed == 0) return source.world;
+  std::uint32_t* const worlds = worlds_.reserve(source.count);
+  gather_worlds(source, worlds, stream);
+  return worlds;
+}
+
+bool WorldsApart::run(const DeviceSpheres& given, const Call& call, Contacts& contacts) {
+  DeviceSpheres source = given;
+  contacts.spheres = source.count;
+  if (source.count == 0) return true;
   std::uint64_t every = 0;  // that meet others in another way
-  if (input.spheres.world) {
+  last_world_ = source.world_of_all == kEveryWorld ? 0 : source.world_of_all;
+  worlds_given_ = source.world = all_worlds(source, call.stream);
+  if (source.world) {
     WorldBounds b = bounds(source, call.stream);
+    last_world_ = b.last_world;
     if (b.sparse(source.count)) rank_worlds(source, call.stream), b = bounds(source, call.stream);
     if (b.many() && !lay_out(b, call.options.margin, source)) return false;
     if (b.many()) every = b.every;
   }
+  if (!source.worlds_apart) source.world = given.world;
   if (std::exchange(apart_, source.worlds_apart) != source.worlds_apart) search_.forget();
-  contacts.spheres = source.count;
   if (every) every_.count(source, every, call.options.margin, call.stream);
   call.clock.mark(StageClock::kPlace);
   Call plain = call;

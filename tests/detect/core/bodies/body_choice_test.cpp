@@ -95,9 +95,15 @@ TEST(BodyChoice, WhatHasNoOtherWayAndWhatIsCheaper) {
   EXPECT_FALSE(s.first({.body = 100}));
   s.add_loose(1000, 1e6, random);  // loose spheres must pass the balls, too
   EXPECT_FALSE(s.first({.ball = 3}));
-  s.bodies[0].is_static = true;
-  EXPECT_TRUE(s.first({.ball = 1000})) << "static bodies have no other way";
-  s.bodies[0].is_static = false;
+  for (std::size_t k = 0; k < 3; k++) s.bodies[k].is_static = true;  // two balls are left
+  EXPECT_FALSE(s.first({.ball = 3}));
+  s.loose.clear();
+  EXPECT_TRUE(s.first({.ball = 150, .static_each = 40}));
+  EXPECT_FALSE(s.first({.ball = 150, .static_each = 60}));
+  EXPECT_FALSE(s.first({.ball = 150, .static_call = 150}));
+  for (std::size_t k = 0; k < 3; k++) s.bodies[k].is_static = false;
+  EXPECT_FALSE(s.first({.ball = 150}));
+  s.add_loose(1000, 1e6, random);
   s.marks.assign(1000, 0);
   EXPECT_FALSE(s.first({.ball = 3})) << "none is static";
   s.marks.assign(1000, 1);  // in a table that is kept: eight balls are left

@@ -3,6 +3,8 @@
 // spheres are placed in double, as the detector places them; poses, sizes and places are drawn at random.
 #include "detect/core/bodies/pieces.h"
 
+#include <cstring>
+
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
@@ -179,6 +181,42 @@ TEST(Pieces, ARadiusStaysTheSameWhileABodyMoves) {
     body = turned(random);
     for (double& v : body.position) v = in(random, -50, 50);
     EXPECT_EQ(ball_of(body, p.pieces[0]).r, before);
+  }
+}
+
+template <class T>
+bool same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
+}
+
+// Shapes that the call before had too are not cut again. What comes of them is the same.
+TEST(Pieces, ShapesThatStayAreThoseOfNewPieces) {
+  Random random = random_of_new_seed();
+  std::vector<std::vector<Sphere>> blobs;
+  for (const std::size_t n : {1, 64, 65, 300, 0, 1000}) blobs.push_back(blob(n, 3, 0.1, 1, random));
+  const auto shapes_of = [&](std::initializer_list<std::size_t> which) {
+    std::vector<Shape> shapes;
+    for (const std::size_t k : which) shapes.push_back({blobs[k].data(), blobs[k].size()});
+    return shapes;
+  };
+  Pieces kept;
+  for (const auto& which : {shapes_of({0, 1, 2}), shapes_of({2, 3, 0}), shapes_of({5, 4, 2, 2}),
+                            shapes_of({4}), shapes_of({}), shapes_of({3, 5}), shapes_of({3, 5, 1})}) {
+    EXPECT_TRUE(kept.update(which));
+    EXPECT_FALSE(kept.update(which));
+    Pieces anew;
+    anew.update(which);
+    EXPECT_TRUE(same_bytes(kept.spheres, anew.spheres) && same_bytes(kept.numbers, anew.numbers));
+    EXPECT_TRUE(same_bytes(kept.near, anew.near) && same_bytes(kept.groups, anew.groups));
+    EXPECT_TRUE(same_bytes(kept.boxes, anew.boxes) && same_bytes(kept.shape_first, anew.shape_first));
+    ASSERT_EQ(kept.pieces.size(), anew.pieces.size());
+    for (std::size_t p = 0; p < kept.pieces.size(); p++) {
+      EXPECT_EQ(std::memcmp(&kept.pieces[p].ball, &anew.pieces[p].ball, sizeof(Sphere)), 0);
+      EXPECT_EQ(kept.pieces[p].first, anew.pieces[p].first);
+      EXPECT_EQ(kept.pieces[p].count, anew.pieces[p].count);
+    }
+    for (std::size_t k = 0; k < which.size(); k++)
+      EXPECT_EQ(kept.shape_first[k + 1] - kept.shape_first[k], pieces_of(which[k].count));
   }
 }
 
