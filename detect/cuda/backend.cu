@@ -76,7 +76,7 @@ class Work {
     read_facts(input);
     CallOptions listed = options;
     listed.order = Order::any, listed.width = Width::pairs, listed.output = Memory::device;
-    listed.history = false;
+    listed.history = false, listed.precision = Precision::exact;
     // Distances are first those of spheres that touch.
     if (answer == Answer::distance) listed.margin = 0;
     const Call call = begin(input, options), list_call = begin(input, listed);
@@ -95,7 +95,7 @@ class Work {
     check_input(input, true);
     const Call call = begin(input, options);
     const DeviceSpheres source = read(call);
-    forget_unseen();
+    forget_unseen(), forget_revision();
     if (source.count == 0) return {};
     Contacts c;
     nine_stages(source, call, c);
@@ -113,7 +113,7 @@ class Work {
     if (running_) cudaStreamSynchronize(stream_);
     cudaGetLastError();
     running_ = false;
-    bodies_.forget(), input_.forget(), spheres_.forget(), judged_ = 0, facts_ = {};
+    bodies_.forget(), input_.forget(), spheres_.forget(), forget_revision();
     worlds_.forget(), worlds_apart_.forget();
     last_count_ = 0;
   }
@@ -249,6 +249,7 @@ class Work {
     }
     return answers_.settle(stream_) || margin == call.options.margin;
   }
+  void forget_revision() { judged_ = gave_up_ = 0, facts_ = {}; }
   // Of bodies a search knows only what it saw in the call before.
   void forget_unseen() {
     if (!std::exchange(bodies_seen_, false)) bodies_.forget();

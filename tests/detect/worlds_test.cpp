@@ -4,6 +4,7 @@
 #include <array>
 
 #include "detect/core/input.h"
+#include "detect/core/nine_stages.h"
 #include "detect/core/world_tree.h"
 #include "tests/detect/device_memory.h"
 #include "tests/detect/oracle.h"
@@ -247,6 +248,7 @@ TEST(Worlds, RodsAmongSpheresGiveTheSameHoweverTheyAreSearched) {
             detector.options().bodies = bodies, detector.options().order = order;
             EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), expected);
           }
+        detector.options().precision = Precision::float32;  // of lists; answers are exact
         expect_answers(detector, w.input(), worlds);
       }
     }
@@ -511,6 +513,21 @@ TEST(Margin, APairWhoseGapEqualsItIsInTheListAndOneUlpMoreIsNot) {
 
 // The depth of a pair is r_i + r_j - |c_j - c_i|. Its gradient is the normal for c_i, and minus the normal
 // for c_j; the points are where the gap, or the overlap, is measured.
+TEST(Margin, TwoPointsInOnePlaceHaveDepthZero) {
+  const Sphere points[] = {{1, 2, 3, 0}, {1, 2, 3, 0}};
+  for (const BackendKind backend : backends())
+    for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+      Detector detector({backend, 0}, {.scalar = scalar, .margin = 0.5});
+      Input in;
+      in.spheres = spheres_of<double>(2, &points[0].x, &points[0].r);
+      in.spheres.center_stride = in.spheres.radius_stride = 4;
+      const Contacts& c = detector.detect(in);
+      ASSERT_EQ(c.count, 1u);
+      EXPECT_EQ(scalar == Scalar::f32 ? c.normal_span<float>()[0].depth : c.normal_span<double>()[0].depth,
+                0);
+    }
+}
+
 TEST(Margin, NormalsAreTheGradientOfTheDepthAndPointsSpanIt) {
   for (const BackendKind backend : backends()) {
     const World w = random_worlds(21, 3, 12, 80);
@@ -572,6 +589,21 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
     EXPECT_TRUE(refuses([&] { detector.detect(bad.input()); }, "of body 2) at"));
     EXPECT_EQ(detector.hash(), 0u);
     EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), oracle(w.input(), detector.options()));
+  }
+}
+
+// stages() reads everything and keeps nothing, so a revision that comes again is read anew.
+TEST(Worlds, ARevisionBeforeStagesIsForgotten) {
+  for (const BackendKind backend : backends()) {
+    World w = random_worlds(5, 3, 6, 0);
+    Detector detector({backend, 0});
+    Input in = w.input();
+    in.revision = 3;
+    detector.detect(in);
+    detector.stages(in);
+    w.bodies[2].shape = 99;
+    in.bodies = w.bodies;
+    EXPECT_TRUE(refuses([&] { detector.detect(in); }, "names shape 99"));
   }
 }
 

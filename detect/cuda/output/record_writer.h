@@ -116,8 +116,10 @@ __device__ __forceinline__ void write_float_record(const OutputTask& task, const
   }
   const float inverse = approximate_rsqrt(d2), per_d = swap ? -inverse : inverse, root = d2 * inverse;
   const float distance = fmaf(0.5f * inverse, fmaf(-root, root, d2), root) * unit;
+  // Two points in one place, which only a margin lets touch, have neither: 0 / 0 is no depth.
+  const float both = fmaxf(s + distance, 0x1p-126f);
   const float4 n =
-      make_float4(d.x * per_d, d.y * per_d, d.z * per_d, __fdividef(static_cast<float>(more), s + distance));
+      make_float4(d.x * per_d, d.y * per_d, d.z * per_d, __fdividef(static_cast<float>(more), both));
   __stcs(static_cast<float4*>(out.normals) + slot, n);
   if (NormalsOnly || out.width == Width::normals) return;
   const Sphere i = swap ? b : a, j = swap ? a : b;

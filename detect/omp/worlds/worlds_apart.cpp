@@ -75,8 +75,7 @@ bool WorldsApart::run(const View<T>& input, const CallOptions& options, int thre
   }
   SideBySide boxes;
   double extent;
-  if (!(options.own == Region{}) || !lay_side_by_side(bounds, spheres.count, options.margin, boxes, extent))
-    return false;
+  if (!lay_side_by_side(bounds, spheres.count, options.margin, boxes, extent)) return false;
   // docs/detector/exactness.md
   const double off = 8 * 0x1p-52 * extent;
   if (off > 0x1p-10 * bounds.radius_max) return false;
@@ -95,7 +94,7 @@ bool WorldsApart::run(const View<T>& input, const CallOptions& options, int thre
   View<double> apart = view_of(moved, spheres.count, spheres.family, spheres.mask, spheres.owner);
   apart.is_static = spheres.is_static;
   CallOptions wider = options;
-  wider.width = Width::pairs, wider.margin += off;
+  wider.width = Width::pairs, wider.margin += off, wider.own = {};
   Summary summary = summarize(apart, threads);
   if (summary.first_fault != ~std::uint64_t(0)) return false;
   summary.grown_by = wider.margin / 2;
@@ -134,13 +133,17 @@ void WorldsApart::build_tree(const View<T>& spheres, std::uint64_t count, int th
 // What touches, of the pairs that the grid has found and of those with kEveryWorld.
 template <class T>
 void WorldsApart::find_hits(const View<T>& spheres, const CallOptions& options, int threads) {
+  const bool bounded = options.own != Region{};
+  const auto owned = [&](std::uint32_t a, std::uint32_t b) {
+    return !bounded || owns(options.own, midpoint(spheres[std::min(a, b)], spheres[std::max(a, b)]));
+  };
   const std::uint64_t of_grid = (found_.count + kPartPairs - 1) / kPartPairs,
                       of_tree = every_.empty() ? 0 : (spheres.count + kPartSpheres - 1) / kPartSpheres;
   hits_.fill(of_grid + of_tree, threads, [&](std::uint64_t part, List<Pair>& list) {
     if (part < of_grid) {
       for (std::uint64_t k = part * kPartPairs; k < std::min((part + 1) * kPartPairs, found_.count); k++) {
         const Pair p = found_.pairs[k];
-        if (touching(spheres[p.i], spheres[p.j], options.margin)) list.add(p);
+        if (touching(spheres[p.i], spheres[p.j], options.margin) && owned(p.i, p.j)) list.add(p);
       }
       return;
     }
@@ -151,7 +154,8 @@ void WorldsApart::find_hits(const View<T>& spheres, const CallOptions& options, 
       tree_->visit(box_of(s, options.margin), 0, static_cast<std::uint32_t>(every_.size()),
                    [&](std::uint32_t e) {
                      if (touching(s, every_spheres_[e], options.margin) &&
-                         admitted(spheres.filter(k), spheres.filter(every_[e])))
+                         admitted(spheres.filter(k), spheres.filter(every_[e])) &&
+                         owned(static_cast<std::uint32_t>(k), every_[e]))
                        list.add({static_cast<std::uint32_t>(k), every_[e]});
                      return true;
                    });

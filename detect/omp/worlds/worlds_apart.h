@@ -14,9 +14,8 @@ class WorldsApart {
  public:
   explicit WorldsApart(Budget& b);
 
-  // Writes all contacts to `records`. False, and nothing was searched: there is a region, or a sphere with a
-  // fault, or worlds would take so much space that doubles could not tell their spheres apart well. Throws
-  // Error.
+  // Writes all contacts to `records`. False, and nothing was searched: there is a sphere with a fault, or
+  // worlds would take so much space that doubles could not tell their spheres apart well. Throws Error.
   template <class T>
   bool run(const View<T>& spheres, const CallOptions& options, int threads, Records& records,
            Contacts& contacts);
