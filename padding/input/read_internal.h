@@ -52,6 +52,11 @@ Soup read_3mf(const std::string& bytes, const std::string& where);
 Soup read_scene(const std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,
                 const std::string& ending);
 
+// The text of a COLLADA file as assimp reads it rightly: without looks, with true counts of its arrays, with
+// all meshes in its scene where it shows none. Refuses what assimp would crash on or read past the end of.
+std::string plain_collada(const std::string& bytes, std::vector<std::string>& notes,
+                          const std::string& where);
+
 // Refuses parts of a glTF that change its shape and that assimp would skip in silence. Returns the buffers
 // that lie beside it: those that are files, and in its folder or below.
 FilesBeside check_gltf(std::string_view bytes, const std::filesystem::path& path, const std::string& ending);

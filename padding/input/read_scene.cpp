@@ -16,8 +16,6 @@
 #include <cmath>
 #include <map>
 #include <new>
-#include <pugixml.hpp>
-#include <sstream>
 #include <string_view>
 #include <utility>
 
@@ -98,19 +96,6 @@ std::string unit_of(const aiScene& scene, const std::string& ending, double& fac
     if (std::abs(centimetres - size) < 1e-6 * size) return unit;
   factor = centimetres;
   return "cm";
-}
-
-// A COLLADA without its images and materials. assimp 5.2 reads no file that has an image without a file, or a
-// colour that begins with a blank, though nothing of them is asked for.
-std::string without_looks(const std::string& collada) {
-  pugi::xml_document document;
-  if (!document.load_buffer(collada.data(), collada.size())) return collada;
-  for (const char* library : {"library_images", "library_effects", "library_materials"})
-    while (document.child("COLLADA").remove_child(library)) {
-    }
-  std::ostringstream out;
-  document.save(out, "", pugi::format_raw);
-  return std::move(out).str();
 }
 
 Eigen::Matrix4d matrix(const aiMatrix4x4& m) {
@@ -300,10 +285,12 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   const std::string where = path.string();
   // Of COLLADA no skin is looked at, as RViz, MoveIt and Gazebo do.
   const bool gltf = ending == ".gltf" || ending == ".glb";
+  Soup soup;
+  const std::string plain = ending == ".dae" ? plain_collada(bytes, soup.notes, where) : std::string();
   ImportLog log;
-  std::string plain;  // outlives the importer, which reads from it
   Assimp::Importer importer;
-  importer.SetIOHandler(new Files(bytes, path, beside));  // the importer owns it
+  // The importer owns the files, which have the bytes by reference.
+  importer.SetIOHandler(new Files(plain.empty() ? bytes : plain, path, beside));
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS,
                               aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
                                   aiComponent_TEXCOORDS | aiComponent_ANIMATIONS | aiComponent_TEXTURES |
@@ -321,11 +308,6 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   const std::string error = importer.GetErrorString();
   if (error.find("bad_alloc") != std::string::npos)
     throw std::bad_alloc();  // nodes of a COLLADA that multiply one another, say
-  if (!scene && ending == ".dae") {
-    plain = without_looks(bytes);
-    importer.SetIOHandler(new Files(plain, path, beside));
-    scene = importer.ReadFile(where, aiProcess_RemoveComponent);
-  }
   if (!scene || !scene->mRootNode)
     fail(where, "assimp cannot read it (" + one_line(error) +
                     "): check that the file is whole, beside the files it refers to, and has the ending of "
@@ -338,7 +320,6 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   // The root has the scale of COLLADA's unit alone. Below 0 it would mirror the part.
   if (ending == ".dae" && !(scene->mRootNode->mTransformation.a1 > 0))
     fail(where, "its <unit> is not of more than 0 metres: mend the attribute `meter`");
-  Soup soup;
   double factor = 1;
   soup.unit = unit_of(*scene, ending, factor);
   std::vector<std::pair<const aiNode*, Eigen::Matrix4d>> nodes,
