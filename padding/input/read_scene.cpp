@@ -229,25 +229,68 @@ void check_places(const JsonPlace<nlohmann::json>& document) {
           "a skin without inverseBindMatrices is not read: export it with them, or without the skin");
 }
 
+// assimp takes what comes for 32-bit floats, and quantized coordinates in silence for others.
+void check_positions(const JsonPlace<nlohmann::json>& document) {
+  for (std::size_t k = 0; document.has("meshes") && k < document.at("meshes").size(); k++) {
+    const auto mesh = document.at("meshes").at(k);
+    for (std::size_t p = 0; mesh.has("primitives") && p < mesh.at("primitives").size(); p++) {
+      const auto primitive = mesh.at("primitives").at(p);
+      if (!primitive.has("attributes") || !primitive.at("attributes").has("POSITION")) continue;
+      const std::uint64_t index = primitive.at("attributes").at("POSITION").whole(~std::uint64_t(0));
+      if (!document.has("accessors") || index >= document.at("accessors").size()) continue;  // assimp says so
+      const auto accessor = document.at("accessors").at(index);
+      if (!(accessor.has("componentType") && accessor.at("componentType").whole(~std::uint64_t(0)) == 5126 &&
+            accessor.has("type") && accessor.at("type").text() == "VEC3"))
+        accessor.fail(
+            "coordinates are read as VEC3 of floats (componentType 5126) alone: export it without "
+            "quantization (KHR_mesh_quantization)");
+    }
+  }
+}
+
+// The length of the JSON, which stands behind a header of 12 bytes, its length and its kind.
+std::size_t glb_json_length(std::string_view bytes, const std::string& where) {
+  std::uint32_t length = 0;
+  if (bytes.size() < 20 || !bytes.starts_with("glTF") || bytes.substr(16, 4) != "JSON")
+    fail(where, "it is no binary glTF 2, or cut short: export it again");
+  for (std::size_t k = 4; k-- > 0;) length = length << 8 | static_cast<unsigned char>(bytes[12 + k]);
+  if (length > bytes.size() - 20) fail(where, "it is cut short: export it again");
+  return length;
+}
+
+// A binary glTF whose JSON ends at a multiple of four bytes. Some exporters forget it, and assimp looks for
+// the buffer only there. Empty where nothing is to be done.
+std::string padded_glb(std::string_view bytes, const std::string& where) {
+  const std::size_t length = glb_json_length(bytes, where), more = 3 - (length + 3) % 4, end = 20 + length;
+  if (more == 0 || bytes.size() < end + 8 || bytes.substr(end + 4, 3) != "BIN") return {};
+  std::string padded(bytes);
+  padded.insert(end, more, ' ');
+  const auto put = [&](std::size_t at, std::size_t value) {
+    for (std::size_t k = 0; k < 4; k++) padded[at + k] = static_cast<char>(value >> 8 * k);
+  };
+  put(8, padded.size()), put(12, length + more);
+  return padded;
+}
+
+bool is_gltf_1(const nlohmann::json& json) {
+  const nlohmann::json::json_pointer pointer("/asset/version");
+  if (!json.contains(pointer)) return false;
+  const auto& version = json[pointer];
+  return version.is_string() ? version.get_ref<const std::string&>().starts_with("1.")
+                             : version.is_number() && version.get<double>() < 2;
+}
+
 }  // namespace
 
 FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::string& ending) {
   const std::string where = path.string();
-  if (ending == ".glb") {  // a header of 12 bytes, then the length and the kind of the JSON, then the JSON
-    std::uint32_t length = 0;
-    if (bytes.size() < 20 || !bytes.starts_with("glTF") || bytes.substr(16, 4) != "JSON")
-      fail(where, "it is no binary glTF 2, or cut short: export it again");
-    for (std::size_t k = 4; k-- > 0;) length = length << 8 | static_cast<unsigned char>(bytes[12 + k]);
-    if (length > bytes.size() - 20) fail(where, "it is cut short: export it again");
-    bytes = bytes.substr(20, length);
-  }
+  if (ending == ".glb") bytes = bytes.substr(20, glb_json_length(bytes, where));
   using Json = nlohmann::json;
   const Json json = parse_json<Json>(bytes, where);
   const JsonPlace<Json> document(json, where);
-  const Json::json_pointer version("/asset/version");
-  if (json.contains(version) && json[version].is_string() &&
-      json[version].get_ref<const std::string&>().starts_with("1."))
-    fail(where, "it is glTF 1, which is not read: export it as glTF 2");
+  if (is_gltf_1(json)) fail(where, "it is glTF 1, which is not read: export it as glTF 2");
+  if (!document.has("scenes") || document.at("scenes").size() == 0)
+    fail(where, "it has no scene, which would say where its meshes stand: export it with a scene");
   const auto names = [&](const char* key) {
     std::vector<std::string> out;
     if (document.has(key))
@@ -266,6 +309,7 @@ FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::
     if (name == "EXT_mesh_gpu_instancing" || name == "KHR_draco_mesh_compression" ||
         name == "EXT_meshopt_compression")
       fail(where, "it uses the glTF extension '" + name + "', which is not read: export it without");
+  check_positions(document);
   check_places(document);
   check_morphs(document);
   FilesBeside beside;
@@ -286,7 +330,9 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   // Of COLLADA no skin is looked at, as RViz, MoveIt and Gazebo do.
   const bool gltf = ending == ".gltf" || ending == ".glb";
   Soup soup;
-  const std::string plain = ending == ".dae" ? plain_collada(bytes, soup.notes, where) : std::string();
+  const std::string plain = ending == ".dae"   ? plain_collada(bytes, soup.notes, where)
+                            : ending == ".glb" ? padded_glb(bytes, where)
+                                               : std::string();
   ImportLog log;
   Assimp::Importer importer;
   // The importer owns the files, which have the bytes by reference.
@@ -308,14 +354,15 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
   const std::string error = importer.GetErrorString();
   if (error.find("bad_alloc") != std::string::npos)
     throw std::bad_alloc();  // nodes of a COLLADA that multiply one another, say
+  // assimp drops such faces and only says so in its log. Without a scene it says "out of range" of other
+  // things.
+  const auto logged = [&](const char* words) { return log.text().find(words) != std::string::npos; };
+  if (logged("out-of-range") || (scene && logged("out of range")))
+    fail(where, "faces with an index out of range (" + one_line(log.text()) + "): export the mesh again");
   if (!scene || !scene->mRootNode)
     fail(where, "assimp cannot read it (" + one_line(error) +
                     "): check that the file is whole, beside the files it refers to, and has the ending of "
                     "its format");
-  // assimp drops such faces and only says so in its log.
-  if (log.text().find("out-of-range") != std::string::npos ||
-      log.text().find("out of range") != std::string::npos)
-    fail(where, "faces with an index out of range (" + one_line(log.text()) + "): export the mesh again");
 
   // The root has the scale of COLLADA's unit alone. Below 0 it would mirror the part.
   if (ending == ".dae" && !(scene->mRootNode->mTransformation.a1 > 0))

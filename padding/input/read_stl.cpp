@@ -68,7 +68,6 @@ Soup read_text_stl(std::string_view text, const std::string& where) {
 constexpr std::size_t kHead = 84, kFacet = 50;
 
 Soup read_binary_stl(std::string_view bytes, std::size_t facets, const std::string& where) {
-  if (facets == 0) fail(where, "a binary STL without a facet: export the mesh again");
   check_counts(3 * facets, facets, where);
   Soup soup;
   for (std::size_t f = 0; f < facets; f++) {
@@ -104,7 +103,7 @@ Soup read_stl(const std::string& bytes, const std::string& where) {
   if (bytes.size() < wanted)
     fail(where, "as a binary STL it promises " + std::to_string(facets) + " facets, but has room for " +
                     std::to_string(room) + ": the file is cut short or of another format, export it again");
-  if (facets == 0 || room > facets)
+  if (room > facets)
     fail(where, "as a binary STL it promises " + std::to_string(facets) + " facets, but has " +
                     std::to_string(room) + ": which of both is true cannot be known, export it again");
   Soup soup = read_binary_stl(bytes, facets, where);

@@ -238,6 +238,8 @@ TEST_F(Read, StlInBothForms) {
   EXPECT_EQ(read("blank.stl", "\n\n \tsolid a\n" + facet + "endsolid a\n").mesh.triangles.size(), 1u);
   expect_fault(put("cut.stl", binary_stl(m).substr(0, 500)), "promises 12 facets, but has room for 8");
   expect_fault(put("few.stl", binary_stl(m).replace(80, 1, 1, '\3')), "promises 3 facets, but has 12");
+  for (const char* behind : {"", "\n"})
+    expect_fault(put("none.stl", binary_stl(Mesh{}) + behind), "it holds no triangle");
   expect_fault(put("word.stl", "solid\nfacet\nvertex 0 0 zero\n"), "line 3: 'zero' is not a number");
   expect_fault(put("two.stl",
                    "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\nendfacet\n"),
@@ -537,6 +539,8 @@ TEST_F(Read, NodesWithoutMeshesHaveNoSurface) {
 TEST_F(Read, GltfOneIsNamed) {
   expect_fault(put("old.gltf", R"({"asset":{"version":"1.0"},"nodes":{"a":{}},"meshes":{}})"),
                "it is glTF 1, which is not read");
+  expect_fault(put("old.gltf", R"({"asset":{"version":1},"nodes":{"a":{}},"meshes":{}})"),
+               "it is glTF 1, which is not read");
 }
 
 // A scene with two instances of one triangle, the second mirrored in x and moved up. Both must face +z.
@@ -555,6 +559,44 @@ std::string gltf_buffer(std::uint16_t last = 2) {
     append(bytes, k);
   for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0}) append(bytes, x);
   return bytes;
+}
+
+// `text` as a binary glTF, with the buffer that it has beside it.
+std::string glb(const std::string& text) {
+  std::string json = text, bytes = "glTF";
+  json.replace(json.find("\"uri\":\"data.bin\","), 17, "");
+  append(bytes, std::uint32_t(2));
+  append(bytes, static_cast<std::uint32_t>(28 + json.size() + gltf_buffer().size()));
+  append(bytes, static_cast<std::uint32_t>(json.size()));
+  bytes += "JSON" + json;
+  append(bytes, static_cast<std::uint32_t>(gltf_buffer().size()));
+  return bytes + std::string("BIN\0", 4) + gltf_buffer();
+}
+
+TEST_F(Read, AGlbMayForgetToFillUpItsJson) {
+  for (const char* blanks : {"", " ", "  ", "   "}) {
+    const ReadResult r = read("s.glb", glb(mirrored_gltf + std::string(blanks)));
+    EXPECT_EQ(r.mesh.triangles.size(), 4u);
+    EXPECT_EQ(size(r.mesh), Vector(3, 1, 3));
+  }
+}
+
+TEST_F(Read, CoordinatesOfGltfAreFloatsOrRefused) {
+  put("data.bin", gltf_buffer());
+  for (const auto& [old, other] : {std::pair<std::string, std::string>("5126", "5122"),
+                                   {"\"count\":3,\"type\":\"VEC3\"", "\"count\":3,\"type\":\"VEC4\""}}) {
+    std::string scene = mirrored_gltf;
+    scene.replace(scene.find(old), old.size(), other);
+    expect_fault(put("s.gltf", scene), "coordinates are read as VEC3 of floats");
+    expect_fault(put("s.glb", glb(scene)), "coordinates are read as VEC3 of floats");
+  }
+}
+
+TEST_F(Read, AGltfWithoutASceneIsRefused) {
+  std::string scene = mirrored_gltf;
+  const std::string scenes = R"("scene":0,"scenes":[{"nodes":[0,1]}],)";
+  put("data.bin", gltf_buffer());
+  expect_fault(put("s.gltf", scene.replace(scene.find(scenes), scenes.size(), "")), "it has no scene");
 }
 
 TEST_F(Read, PlacesThatGltfDoesNotAllowAreRefused) {
@@ -673,6 +715,8 @@ TEST_F(Read, SceneFaults) {
   expect_fault(put("s.gltf", mirrored_gltf), "data.bin");
   put("data.bin", gltf_buffer(9));
   expect_fault(folder_ / "s.gltf", "out of range");
+  put("data.bin", std::string(12, '\11') + gltf_buffer().substr(12));
+  expect_fault(folder_ / "s.gltf", "faces with an index out of range");
   expect_fault(put("x.gltf", "{\"asset\""), "not JSON at byte");
   expect_fault(put("x.glb", "glTF\2"), "no binary glTF 2");
   for (const char* name : {"x.fbx", "x.dae", "x.3ds", "x.3mf"})
@@ -886,7 +930,7 @@ TEST_F(ReadShared, Malformed) {
                {"tinyobj_index_zero.obj", "line 16: a face names vertex 0"},
                {"tinyobj_nan.obj", "line 12: vertex 1"},
                {"trimesh_not_enough_indices.obj", "", 1},
-               {"trimesh_stl_no_facets.stl", "without a facet"}});
+               {"trimesh_stl_no_facets.stl", "it holds no triangle"}});
 }
 
 class Analytic : public Read {
