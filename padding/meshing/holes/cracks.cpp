@@ -46,6 +46,40 @@ std::vector<std::uint32_t> all_ends(const std::vector<DirectedEdge>& edges) {
   return ends;
 }
 
+// Takes the rims from `missing` that fit within the width, with no other border so near. These are holes, as
+// that of a cone without its tip, and no cracks, though each of their edges runs beside all the others.
+std::vector<DirectedEdge> take_pinholes(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width) {
+  constexpr std::size_t none = ~std::size_t(0), many = none - 1;
+  std::unordered_map<std::uint32_t, std::size_t> after;  // the edge from a corner
+  const CornerTree ends(mesh, all_ends(missing));
+  for (std::size_t k = 0; k < missing.size(); k++)
+    if (const auto [at, is_new] = after.emplace(missing[k].from, k); !is_new) at->second = many;
+  std::vector<char> seen(missing.size(), 0), is_pinhole(missing.size(), 0);
+  std::vector<std::uint32_t> near;
+  for (std::size_t first = 0; first < missing.size(); first++) {
+    std::vector<std::size_t> rim;
+    Box box;
+    std::size_t k = first;
+    while (k < many && !seen[k]) {
+      seen[k] = 1, rim.push_back(k), box.add(mesh.points[missing[k].from]);
+      const auto next = after.find(missing[k].to);
+      k = next == after.end() ? none : next->second;
+    }
+    if (k != first || rim.size() < 3 || box.diagonal() > 2 * width) continue;
+    const Point middle = box.center();
+    double radius = 0;
+    for (const std::size_t e : rim) radius = std::max(radius, (mesh.points[missing[e].from] - middle).norm());
+    near.clear();
+    ends.tree.find(middle, radius + width, near);
+    if (2 * radius <= width && near.size() == rim.size())
+      for (const std::size_t e : rim) is_pinhole[e] = 1;
+  }
+  std::vector<DirectedEdge> pinholes, others;
+  for (std::size_t k = 0; k < missing.size(); k++) (is_pinhole[k] ? pinholes : others).push_back(missing[k]);
+  missing = std::move(others);
+  return pinholes;
+}
+
 }  // namespace
 
 double crack_limit(const RepairOptions& options, double diagonal) {
@@ -54,6 +88,7 @@ double crack_limit(const RepairOptions& options, double diagonal) {
 }
 
 std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEdge>& missing, double width) {
+  const std::vector<DirectedEdge> pinholes = take_pinholes(mesh, missing, width);
   Needs needs;
   std::vector<std::uint32_t> begins;
   for (const DirectedEdge& e : missing) needs.add(e.from, e.to), begins.push_back(e.from);
@@ -89,7 +124,7 @@ std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEd
     for (std::size_t k = 1; k < all.size(); k++)
       needs.visit_from(all[k].vertex, [&](std::uint32_t to) {
         for (std::size_t j = 0; j < k; j++)
-          if (all[j].vertex == to) all[j].on_way = all[k].on_way = true;
+          if (all[j].vertex == to && all[j].at < all[k].at) all[j].on_way = all[k].on_way = true;
       });
     all.front().on_way = all.back().on_way = true;
     std::vector<std::uint32_t> way;
@@ -107,6 +142,7 @@ std::vector<CrackTriangle> close_cracks(const Mesh& mesh, std::vector<DirectedEd
     }
   }
   missing = needs.list();
+  missing.insert(missing.end(), pinholes.begin(), pinholes.end());
   return patch;
 }
 
