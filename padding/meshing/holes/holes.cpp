@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::size_t kLongRim = 300;  // the time for the least area grows with the cube of the rim
 constexpr double kThinRing = 2e-3;     // width of the ring between copies, as a share of the rim's length
+constexpr double kSmallHoles = 0.5;    // radius of the holes of a tire, as a share of its own halfway between
 constexpr double kFlatRim = 0.02;      // distance from the plane across it, as a share of its length
 
 // The patch of least area over a polygon, by dynamic programming (Barequet and Sharir, Filling gaps in the
@@ -126,6 +127,26 @@ std::vector<FlatRim> flat_rims(const Mesh& mesh, const std::vector<std::vector<s
   return flat;
 }
 
+// Are both holes small in the piece that has them, as those of a wide tire are? Each is less than half as
+// wide as the piece halfway between them, and they lie closer to each other than that is wide from its axis.
+bool are_small_holes(const Mesh& mesh, const std::vector<std::uint32_t>& triangles, const FlatRim& a,
+                     const FlatRim& b) {
+  const Point halfway = (a.middle + b.middle) / 2;
+  const double between = (b.middle - a.middle).norm();
+  const Vector axis = (b.middle - a.middle) / between;
+  const auto from_axis = [&](const Point& p) { return axis.cross(p - halfway).norm(); };
+  double rim = 0, room = std::numeric_limits<double>::infinity();
+  for (const FlatRim* one : {&a, &b})
+    for (const Point& p : one->points) rim = std::max(rim, from_axis(p));
+  for (const auto t : triangles)
+    for (int k = 0; k < 3; k++) {
+      const Point &p = mesh.corner(t, k), &q = mesh.corner(t, (k + 1) % 3);
+      const double x = axis.dot(p - halfway), y = axis.dot(q - halfway);
+      if ((x < 0) != (y < 0)) room = std::min(room, from_axis(p + x / (x - y) * (q - p)));
+    }
+  return std::isfinite(room) && rim < kSmallHoles * room && between < room;
+}
+
 std::array<std::uint32_t, 2> nearest_points(const Mesh& mesh, const std::vector<std::uint32_t>& one,
                                             const std::vector<std::uint32_t>& other) {
   std::array<std::uint32_t, 2> nearest{};
@@ -162,7 +183,8 @@ std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std
 
 std::vector<std::array<std::uint32_t, 2>> find_bands(const Mesh& mesh,
                                                      const std::vector<std::vector<std::uint32_t>>& rims,
-                                                     const std::vector<std::uint32_t>& piece) {
+                                                     const std::vector<std::uint32_t>& piece,
+                                                     const PieceTriangles& triangles_of) {
   struct Band {
     double seen;  // the solid angle of both holes from halfway between them
     std::size_t a, b;
@@ -183,7 +205,8 @@ std::vector<std::array<std::uint32_t, 2>> find_bands(const Mesh& mesh,
         continue;
       const Point halfway = (flat[a].middle + flat[b].middle) / 2;
       const double seen = solid_angle_of(rims[a], halfway) + solid_angle_of(rims[b], halfway);
-      if (1 - seen < 0.5) bands.push_back({seen, a, b});
+      if (1 - seen < 0.5 || are_small_holes(mesh, triangles_of.at(piece[a]), flat[a], flat[b]))
+        bands.push_back({seen, a, b});
     }
   std::stable_sort(bands.begin(), bands.end(),
                    [](const Band& one, const Band& other) { return one.seen > other.seen; });

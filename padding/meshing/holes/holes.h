@@ -2,6 +2,7 @@
 // Traces the rims of holes and fills them with patches.
 #pragma once
 #include <cstdint>
+#include <unordered_map>
 #include <vector>
 
 #include "padding/meshing/pieces.h"
@@ -27,12 +28,15 @@ struct Ring {
 std::vector<Ring> find_rings(const Mesh& mesh, const std::vector<std::vector<std::uint32_t>>& rims);
 
 // Where the hole through a body has no wall, as in a tire alone, each of two rims lies behind the other,
-// about along one axis, and halfway between them the winding number is below 1/2 without patches over them.
-// There a band between the two closes the body. Returns the two points of each band that lie nearest to each
-// other. The rims are those of pieces that face outward; `piece` says of which, or ~0: of none.
+// about along one axis, and halfway between them the winding number is below 1/2 without patches over them,
+// or both are small there. There a band between the two closes the body. Returns the two points of each band
+// that lie nearest to each other. The rims are those of pieces that face outward; `piece` says of which, or
+// ~0: of none.
+using PieceTriangles = std::unordered_map<std::uint32_t, std::vector<std::uint32_t>>;  // by their piece
 std::vector<std::array<std::uint32_t, 2>> find_bands(const Mesh& mesh,
                                                      const std::vector<std::vector<std::uint32_t>>& rims,
-                                                     const std::vector<std::uint32_t>& piece);
+                                                     const std::vector<std::uint32_t>& piece,
+                                                     const PieceTriangles& triangles_of);
 
 // Makes one rim of two, which runs over the bridge and back. Does nothing where the bridge does not lie
 // between two rims.

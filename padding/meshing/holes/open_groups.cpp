@@ -104,7 +104,9 @@ class PieceCloser {
     if (!rings.empty()) find_pipes(rims, rings, filled, open, missing, root);
     for (auto& rim : rims)
       if (filled[root(rim[0])].volume < 0) std::reverse(rim.begin(), rim.end());  // as if it faced outward
-    const auto bands = find_bands(mesh_, rims, piece);
+    PieceTriangles triangles_of;
+    for (const auto t : open) triangles_of[root(mesh_.triangles[t][0])].push_back(t);
+    const auto bands = find_bands(mesh_, rims, piece, triangles_of);
     bridges_.insert(bridges_.end(), bands.begin(), bands.end());
   }
 

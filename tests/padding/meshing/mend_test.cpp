@@ -518,6 +518,31 @@ TEST(Mend, TheHoleThroughATireIsNotFilled) {
     }
 }
 
+// The rims of a wide tire lie farther apart than in the test above, but are small in it; those of a bead lie
+// farther apart than it is wide, and those of a barrel are large in it.
+TEST(Mend, TheHoleThroughAWideTireIsNotFilled) {
+  struct Body {
+    double rim, tread, half_width;
+    bool is_tire;
+  };
+  for (const auto& [rim, tread, half_width, is_tire] : {Body{1, 2.5, 0.55, true},
+                                                        {1, 2.5, 0.6, true},
+                                                        {0.3, 0.675, 0.178, true},
+                                                        {0.097, 0.277, 0.123, true},
+                                                        {1, 1.9, 0.6, false},
+                                                        {0.3, 1, 0.9, false},
+                                                        {1, 1.2, 1.5, false}}) {
+    const Mesh mesh =
+        lathe({{rim, -half_width}, {tread, -half_width}, {tread, half_width}, {rim, half_width}}, 48);
+    const double per_turn = 24 * std::sin(2 * std::numbers::pi / 48);
+    for (const Mesh& side : {mesh, turned_over(mesh)}) {
+      const Repaired r = mended(side, RepairMode::fill);
+      EXPECT_EQ(r.patches.size(), is_tire ? 1u : 2u) << rim << ' ' << half_width;
+      EXPECT_NEAR(volume(r), per_turn * 2 * half_width * (tread * tread - is_tire * rim * rim), 1e-9);
+    }
+  }
+}
+
 // The walls of a pipe are two pieces, and nothing joins them at its ends.
 TEST(Mend, APipeOfTwoWallsIsNoRod) {
   const auto wall = [](double radius, const Point& at, int n) {
