@@ -233,7 +233,11 @@ class PieceCloser {
     bool opened = false;
     for (OpenGroup& group : groups_) {
       const double area = area_of(mesh_, group.triangles), volume = signed_volume(mesh_, group.triangles);
-      if (!(volume > std::max(kLeastVolume * std::pow(area, 1.5), kLeastSolid * std::pow(diagonal_, 3))))
+      // Copies that lie as close as cracks are wide are closed to a shell without thickness, which is no
+      // body.
+      const double thinnest = group.crack_width * area;
+      if (!(volume >
+            std::max({kLeastVolume * std::pow(area, 1.5), kLeastSolid * std::pow(diagonal_, 3), thinnest})))
         continue;
       group.winding = 1;
       if (group.opening > 0) group.winding = mean_winding(group, *units, *groups);

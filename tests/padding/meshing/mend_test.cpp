@@ -543,6 +543,22 @@ TEST(Mend, TheHoleThroughAWideTireIsNotFilled) {
   }
 }
 
+// The edges of the two discs run beside each other as those of a crack do.
+TEST(Mend, TwoPlatesAsCloseAsACrackAreNoBody) {
+  for (const double apart : {1e-6, 4e-6, 1e-5}) {
+    Mesh plates;
+    plates.points = {{0, 0, 0}, {0, 0, apart}};
+    constexpr std::uint32_t n = 32;
+    for (std::uint32_t k = 0; k < n; k++) {
+      const double angle = 2 * std::numbers::pi * k / n;
+      const std::uint32_t next = 2 + 2 * ((k + 1) % n), at = 2 + 2 * k;
+      for (const double z : {0.0, apart}) plates.points.push_back({std::cos(angle), std::sin(angle), z});
+      plates.triangles.push_back({0, next, at}), plates.triangles.push_back({1, at + 1, next + 1});
+    }
+    EXPECT_EQ(mended(plates).kind, BodyKind::sheet) << apart;
+  }
+}
+
 // The walls of a pipe are two pieces, and nothing joins them at its ends.
 TEST(Mend, APipeOfTwoWallsIsNoRod) {
   const auto wall = [](double radius, const Point& at, int n) {
