@@ -60,17 +60,19 @@ std::vector<double> random_values(const Model& model, std::uint64_t seed) {
   return out;
 }
 
-// The body at the root of each body's part of the tree, in which every joint has one way to move: the poses
-// of two bodies of one part are tried, and between two parts there are ways to move that are not.
-std::vector<std::size_t> tried_together(const Model& model) {
+// The body at the root of each body's part of the tree, if the tree is cut at the joints that `cut` names.
+std::vector<std::size_t> parts_of(const Model& model, bool (*cut)(const Joint&)) {
   std::vector<std::size_t> out;
-  for (const Body& b : model.bodies) {
-    const Joint::Type type = b.joint.type;
-    const bool several =
-        type == Joint::Type::planar || type == Joint::Type::floating || type == Joint::Type::ball;
-    out.push_back(b.parent < 0 || several ? out.size() : out[static_cast<std::size_t>(b.parent)]);
-  }
+  for (const Body& b : model.bodies)
+    out.push_back(b.parent < 0 || cut(b.joint) ? out.size() : out[static_cast<std::size_t>(b.parent)]);
   return out;
+}
+
+bool is_free(const Joint& joint) { return joint.type == Joint::Type::floating; }
+
+// Random poses leave it where it is.
+bool is_not_tried(const Joint& joint) {
+  return is_free(joint) || joint.type == Joint::Type::planar || joint.type == Joint::Type::ball;
 }
 
 struct Pair {
@@ -96,10 +98,12 @@ std::vector<Apart> self_collisions(const Model& model, const SelfCollisionOption
     return touch(parts[pair.a], parts[pair.b], poses[pair.a].inverse() * poses[pair.b]);
   };
   const std::vector<Eigen::Isometry3d> zero = poses_at(model);
+  const std::vector<std::size_t> held = parts_of(model, is_free);
   for (Pair& pair : pairs)
-    if (meets(pair, zero)) out.push_back({pair.a, pair.b, "Default"}), pair.decided = true;
-  const std::vector<std::size_t> part = tried_together(model);
-  for (Pair& pair : pairs) pair.decided |= part[pair.a] != part[pair.b];
+    if (held[pair.a] == held[pair.b] && meets(pair, zero))
+      out.push_back({pair.a, pair.b, "Default"}), pair.decided = true;
+  const std::vector<std::size_t> tried = parts_of(model, is_not_tried);
+  for (Pair& pair : pairs) pair.decided |= tried[pair.a] != tried[pair.b];
   const int most_misses = static_cast<int>((1 - kAlways) * options.poses);
   for (int begin = 0; begin < options.poses; begin += kBlock) {
     const int end = std::min(begin + kBlock, options.poses);

@@ -44,6 +44,7 @@ class MjcfReader {
   RobotTree read() {
     Model& model = robot_.model;
     model.file = path_.filename().string(), model.unit = "m";
+    robot_.root_is_world = true;
     robot_.included = file_.included();
     model.name = file_.root().attribute("model").as_string(path_.stem().c_str());
     for (const xml_node& section : file_.root().children("asset"))

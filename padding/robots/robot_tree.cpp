@@ -13,17 +13,19 @@ namespace {
 struct Groups {
   std::vector<std::size_t> of;  // for each link its group
   std::vector<char> shapes;     // has the group any?
-  std::vector<int> above;       // for each group the nearest one above it that has shapes; -1: none
+  std::vector<int> above;       // for each group the nearest one with shapes that holds it; -1: none
 
   explicit Groups(const RobotTree& robot) {
-    std::vector<int> parent;  // for each group the one right above it
+    std::vector<int> parent;  // for each group the one right above it; -1: none, or it does not hold this one
     for (std::size_t k = 0; k < robot.links.size(); k++) {
       const Body& b = robot.model.bodies[k];
       if (b.parent >= 0 && b.joint.type == Joint::Type::fixed) {
         of.push_back(of[static_cast<std::size_t>(b.parent)]);
       } else {
         of.push_back(parent.size());
-        parent.push_back(b.parent < 0 ? -1 : static_cast<int>(of[static_cast<std::size_t>(b.parent)]));
+        const int up = b.parent < 0 ? -1 : static_cast<int>(of[static_cast<std::size_t>(b.parent)]);
+        const bool free = b.joint.type == Joint::Type::floating || (robot.root_is_world && up == 0);
+        parent.push_back(free ? -1 : up);
         shapes.push_back(0);
       }
       if (!robot.links[k].shapes.empty()) shapes[of[k]] = 1;

@@ -36,6 +36,7 @@ struct RobotTree {
   std::vector<RobotLink> links;
   std::vector<std::filesystem::path> included;  // what its text is put together from, besides its own file
   std::vector<std::string> notes;               // what was not taken as it was written, one clause each
+  bool root_is_world = false;  // MuJoCo's: what joints hold to it, and to what is fixed to it, may touch it
 };
 
 // Where a robot's meshes are, and which of its shapes count.
@@ -54,7 +55,9 @@ void note_bare(RobotTree& robot, const std::vector<std::string>& links, bool vis
 
 // The pairs of links that may not touch, i < j. Links that fixed joints connect form a rigid group; links of
 // one group may not touch. Neither may links of a group and of the nearest group above it in the tree that
-// has shapes.
+// has shapes. A floating joint holds nothing together, so nothing is above a group that hangs on one, as a
+// box on a table. The other joints keep their links at one point, on one line or in one plane, where they
+// touch by construction. Where the root is MuJoCo's world, its group is above no other.
 std::vector<std::pair<std::size_t, std::size_t>> neighbours(const RobotTree& robot);
 
 // Lists these pairs in model.apart, and turns them into families and masks of the bodies: the links of a

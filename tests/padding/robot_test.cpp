@@ -96,6 +96,21 @@ TEST_F(RobotTest, NeighboursAreRigidGroupsAndTheNextAboveWithShapes) {
   EXPECT_EQ(filtered_pairs(filters), neighbours(u));
 }
 
+// A free body stands on the table that its joint hangs it on, and touches it even in the first pose.
+TEST_F(RobotTest, AFreeBodyMayTouchWhatItHangsOn) {
+  for (const char* z : {"0.59", "5"}) {
+    const PaddedRobot r = pad_robot(
+        urdf(link("table") + link("frame", "") + link("box") + joint("table", "frame", "continuous") +
+             joint("frame", "box", "floating", "<origin xyz='0 0 " + std::string(z) + "'/>")),
+        coarse());
+    EXPECT_TRUE(r.model.apart.empty()) << z;
+    EXPECT_EQ(r.model.bodies[2].cluster.mask, 0u);
+  }
+  for (const char* type : {"planar", "spherical"})
+    EXPECT_EQ(neighbours(read_urdf(urdf(link("a") + link("b") + joint("a", "b", type, "")))).size(), 1u)
+        << type;
+}
+
 // 40 pairs of parts around a body, each with a part of its own: no 32 families keep all neighbours apart.
 TEST_F(RobotTest, MoreMovingPartsThanFamiliesAreListedAsPairs) {
   const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";

@@ -216,6 +216,19 @@ TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
   EXPECT_EQ(apart, (std::set<std::string>{"a c User", "b d User", "c d User"}));  // a and d are neighbours
 }
 
+// MuJoCo keeps a body from its parent, but not from the world and what is fixed to it.
+TEST_F(MjcfTest, WhatMovesMayTouchTheWorld) {
+  const std::string box = "<geom type='box' size='.1 .1 .1'/>";
+  const RobotTree r = read_mjcf(
+      world("<geom type='box' size='5 5 .1'/><body name='free' pos='0 0 .5'><freejoint/>" + box +
+            "</body><body name='hopper' pos='1 0 1'><joint type='slide' range='-5 5' limited='true'/>" + box +
+            "<body name='foot'><joint/>" + box + "</body></body><body name='base' pos='3 0 0'>" + box +
+            "<body name='arm'><joint/>" + box + "</body></body>"));
+  std::set<std::string> names;
+  for (const auto& [i, j] : neighbours(r)) names.insert(r.links[i].name + " " + r.links[j].name);
+  EXPECT_EQ(names, (std::set<std::string>{"world base", "hopper foot"}));
+}
+
 TEST_F(MjcfTest, WhatIsLeftOutIsCountedInNotes) {
   const RobotTree r = read_mjcf(
       put("<worldbody><geom type='plane' size='1 1 1'/><flexcomp name='cloth'/>"
