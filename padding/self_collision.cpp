@@ -52,8 +52,8 @@ std::vector<double> random_values(const Model& model, std::uint64_t seed) {
   std::vector<double> out;
   for (const Body& b : model.bodies) {
     const double share = static_cast<double>(random() >> 11) * 0x1p-53;
-    double low = 0, high = 0;
-    if (b.joint.type == Joint::Type::continuous) low = -std::numbers::pi, high = std::numbers::pi;
+    double low = b.joint.first_value(), high = low;
+    if (b.joint.turns()) low = -std::numbers::pi, high = std::numbers::pi;
     if (b.joint.limited()) low = b.joint.lower, high = b.joint.upper;
     out.push_back(low + share * (high - low));
   }
@@ -61,18 +61,31 @@ std::vector<double> random_values(const Model& model, std::uint64_t seed) {
 }
 
 // The body at the root of each body's part of the tree, if the tree is cut at the joints that `cut` names.
-std::vector<std::size_t> parts_of(const Model& model, bool (*cut)(const Joint&)) {
+std::vector<std::size_t> parts_of(const Model& model, bool (*cut)(const Model&, std::size_t)) {
   std::vector<std::size_t> out;
-  for (const Body& b : model.bodies)
-    out.push_back(b.parent < 0 || cut(b.joint) ? out.size() : out[static_cast<std::size_t>(b.parent)]);
+  for (std::size_t b = 0; b < model.bodies.size(); b++) {
+    const int parent = model.bodies[b].parent;
+    out.push_back(parent < 0 || cut(model, b) ? b : out[static_cast<std::size_t>(parent)]);
+  }
   return out;
 }
 
-bool is_free(const Joint& joint) { return joint.type == Joint::Type::floating; }
+bool is_free(const Model& model, std::size_t body) {
+  return model.bodies[body].joint.type == Joint::Type::floating;
+}
 
-// Random poses leave it where it is.
-bool is_not_tried(const Joint& joint) {
-  return is_free(joint) || joint.type == Joint::Type::planar || joint.type == Joint::Type::ball;
+// Random poses leave the joint where it is, though it moves.
+bool is_not_tried(const Model& model, std::size_t body) {
+  const Joint& leader = model.bodies[leader_of(model, body).body].joint;
+  switch (model.bodies[body].joint.type) {
+    case Joint::Type::planar:
+    case Joint::Type::floating:
+    case Joint::Type::ball:
+      return true;
+    default:
+      return model.bodies[body].joint.moves_one_way() && leader.type == Joint::Type::prismatic &&
+             !leader.limited();
+  }
 }
 
 struct Pair {
@@ -97,10 +110,10 @@ std::vector<Apart> self_collisions(const Model& model, const SelfCollisionOption
   const auto meets = [&](const Pair& pair, const std::vector<Eigen::Isometry3d>& poses) {
     return touch(parts[pair.a], parts[pair.b], poses[pair.a].inverse() * poses[pair.b]);
   };
-  const std::vector<Eigen::Isometry3d> zero = poses_at(model);
+  const std::vector<Eigen::Isometry3d> first = poses_at(model, first_values(model));
   const std::vector<std::size_t> held = parts_of(model, is_free);
   for (Pair& pair : pairs)
-    if (held[pair.a] == held[pair.b] && meets(pair, zero))
+    if (held[pair.a] == held[pair.b] && meets(pair, first))
       out.push_back({pair.a, pair.b, "Default"}), pair.decided = true;
   const std::vector<std::size_t> tried = parts_of(model, is_not_tried);
   for (Pair& pair : pairs) pair.decided |= tried[pair.a] != tried[pair.b];

@@ -15,15 +15,15 @@ struct SelfCollisionOptions {
 };
 
 // The pairs of bodies with spheres that are not in model.apart, and that
-//   touch with all joints at 0                       "Default"
-//   touch in at least 95 % of the poses              "Always"
-//   touch in none of the poses                       "Never"
+//   touch with all joints at their first values (Joint::first_value)  "Default"
+//   touch in at least 95 % of the poses                               "Always"
+//   touch in none of the poses                                        "Never"
 // in ascending order. Bodies that a floating joint parts may touch wherever they stand. Pairs with a joint
-// between them that has several ways to move (planar, floating, ball) are never said to touch always or
-// never: these joints stay at 0. The spheres decide what touches, so pairs that come nearer than the
-// tolerance count as touching. "Never" is an estimate: of a pair that touches in a share p of all poses, it
-// is said with the probability (1 - p)^poses. Cost: a few seconds for a robot of ten links and a thousand
-// spheres.
+// between them whose places are not tried, because it has several ways to move (planar, floating, ball) or
+// slides without limits, are never said to touch always or never. Joints that turn without limits turn all
+// the way. The spheres decide what touches, so pairs that come nearer than the tolerance count as touching.
+// "Never" is an estimate: of a pair that touches in a share p of all poses, it is said with the probability
+// (1 - p)^poses. Cost: a few seconds for a robot of ten links and a thousand spheres.
 std::vector<Apart> self_collisions(const Model& model, const SelfCollisionOptions& options = {});
 
 }  // namespace padder

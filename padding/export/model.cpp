@@ -5,6 +5,13 @@
 
 namespace padder {
 
+Eigen::Isometry3d Joint::motion(double value) const {
+  Eigen::Isometry3d out = Eigen::Isometry3d::Identity();
+  if (turns()) out.linear() = Eigen::AngleAxisd(value, axis).toRotationMatrix();
+  if (type == Type::prismatic) out.translation() = value * axis;
+  return out;
+}
+
 std::size_t Model::spheres() const {
   std::size_t n = 0;
   for (const Body& b : bodies) n += b.cluster.size();
@@ -20,27 +27,34 @@ Model model_of(Cluster cluster) {
   return model;
 }
 
+Leader leader_of(const Model& model, std::size_t body) {
+  Leader out{body};
+  const Joint* joint = &model.bodies[body].joint;
+  for (std::size_t turns = 0; !joint->mimic.empty() && turns < model.bodies.size(); turns++) {
+    const auto leader = std::find_if(model.bodies.begin(), model.bodies.end(),
+                                     [&](const Body& b) { return b.joint.name == joint->mimic; });
+    if (leader == model.bodies.end()) break;
+    out.offset += out.scale * joint->offset, out.scale *= joint->multiplier;
+    joint = &leader->joint, out.body = static_cast<std::size_t>(leader - model.bodies.begin());
+  }
+  return out;
+}
+
+std::vector<double> first_values(const Model& model) {
+  std::vector<double> out;
+  for (const Body& b : model.bodies) out.push_back(b.joint.first_value());
+  return out;
+}
+
 std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<double>& values) {
   const auto value_of = [&](std::size_t body) {
-    const Joint* joint = &model.bodies[body].joint;
-    double scale = 1, offset = 0;
-    for (std::size_t turns = 0; !joint->mimic.empty() && turns < model.bodies.size(); turns++) {
-      const auto leader = std::find_if(model.bodies.begin(), model.bodies.end(),
-                                       [&](const Body& b) { return b.joint.name == joint->mimic; });
-      if (leader == model.bodies.end()) break;
-      offset += scale * joint->offset, scale *= joint->multiplier;
-      joint = &leader->joint, body = static_cast<std::size_t>(leader - model.bodies.begin());
-    }
-    return offset + (values.empty() ? 0 : scale * values[body]);
+    const Leader leader = leader_of(model, body);
+    return leader.offset + (values.empty() ? 0 : leader.scale * values[leader.body]);
   };
   std::vector<Eigen::Isometry3d> out;
   for (std::size_t b = 0; b < model.bodies.size(); b++) {
     const Body& body = model.bodies[b];
-    Eigen::Isometry3d pose = body.pose;
-    if (body.joint.turns())
-      pose = pose * Eigen::AngleAxisd(value_of(b), body.joint.axis);
-    else if (body.joint.type == Joint::Type::prismatic)
-      pose = pose * Eigen::Translation3d(value_of(b) * body.joint.axis);
+    const Eigen::Isometry3d pose = body.pose * body.joint.motion(value_of(b));
     out.push_back(body.parent < 0 ? pose : out[static_cast<std::size_t>(body.parent)] * pose);
   }
   return out;
@@ -52,7 +66,7 @@ Model scaled(Model model, double factor, const std::string& unit) {
     b.cluster.unit = unit;
     b.pose.translation() *= factor;
     if (b.joint.type == Joint::Type::prismatic)
-      b.joint.lower *= factor, b.joint.upper *= factor, b.joint.offset *= factor;
+      b.joint.lower *= factor, b.joint.upper *= factor, b.joint.reference *= factor, b.joint.offset *= factor;
     if (b.inertial) b.inertial->center *= factor, b.inertial->inertia *= factor * factor;
     if (factor != 1) b.cluster.scale(factor);
   }

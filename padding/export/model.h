@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // What a file of another program can hold: bodies made of spheres, and the joints between them.
 #pragma once
+#include <cmath>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,8 +26,10 @@ struct Joint {
   std::string name;
   Type type = Type::fixed;
   Vector axis = Vector::UnitX();  // unit, in the body's frame
-  double lower = 0, upper = 0;    // of revolute (radians) and prismatic (length)
-  double effort = 0;              // the most a motor may give, N m or N; 0: not stated
+  // Of revolute (radians) and prismatic (length); infinite: no limits. Equal ones lock the joint.
+  double lower = -std::numeric_limits<double>::infinity(), upper = std::numeric_limits<double>::infinity();
+  double reference = 0;  // where it stands at first: MJCF's ref
+  double effort = 0;     // the most a motor may give, N m or N; 0: not stated
   double damping = 0, friction = 0;
   std::string mimic;  // the joint that this one follows: its place is multiplier * theirs + offset
   double multiplier = 1, offset = 0;
@@ -33,7 +37,14 @@ struct Joint {
   bool turns() const { return type == Type::revolute || type == Type::continuous; }
   bool moves_one_way() const { return turns() || type == Type::prismatic; }  // one number places it
   bool may_have_limits() const { return moves_one_way() && type != Type::continuous; }
-  bool limited() const { return may_have_limits() && lower < upper; }
+  bool limited() const { return may_have_limits() && std::isfinite(lower) && std::isfinite(upper); }
+  bool locked() const { return limited() && lower == upper; }
+  Eigen::Isometry3d motion(double value) const;  // from its place at 0; none where no single number places it
+  // The reference or, where that is beyond the limits, their middle, as MoveIt has it.
+  double first_value() const {
+    const bool within = !limited() || (lower <= reference && reference <= upper);
+    return within ? reference : 0.5 * (lower + upper);
+  }
 };
 
 // A body or link, with its spheres.
@@ -73,6 +84,17 @@ Model model_of(Cluster cluster);
 // for each body, of the joint to its parent; those of joints that mimic others and of joints with more than
 // one way to move are not looked at. Empty: all at 0.
 std::vector<Eigen::Isometry3d> poses_at(const Model& model, const std::vector<double>& values = {});
+
+// The joint that decides where the joint of `body` stands: itself or, if it mimics, the one at the end of the
+// chain. Its value is `scale` times that one's, plus `offset`.
+struct Leader {
+  std::size_t body = 0;
+  double scale = 1, offset = 0;
+};
+Leader leader_of(const Model& model, std::size_t body);
+
+// The first value of each joint, for poses_at.
+std::vector<double> first_values(const Model& model);
 
 // What .npz and .vtp call the array of one number that says the unit of lengths.
 inline constexpr const char* kUnitInMetres = "unit_in_metres";

@@ -31,9 +31,12 @@ class MjcfWriter {
     for (std::size_t b = 0; b < job.model.bodies.size(); b++)
       if (const int parent = job.model.bodies[b].parent; parent >= 0)
         children_[static_cast<std::size_t>(parent)].push_back(b);
-    for (const Body& b : job.model.bodies) {
-      bodies_.insert(b.name);
-      joints_[b.joint.name] = &b.joint;
+    for (std::size_t b = 0; b < job.model.bodies.size(); b++) {
+      const Body& body = job.model.bodies[b];
+      bodies_.insert(body.name);
+      joints_[body.joint.name] = &body.joint;
+      const Leader leader = leader_of(job.model, b);
+      references_.push_back(leader.offset + leader.scale * job.model.bodies[leader.body].joint.first_value());
     }
   }
 
@@ -65,20 +68,24 @@ class MjcfWriter {
     return text;
   }
 
-  std::string joint(const Body& b, const std::string& indent) {
+  std::string joint(std::size_t index, const std::string& indent) {
+    const Body& b = job_.model.bodies[index];
     const auto hinge_or_slide = [&](const char* type, const Vector& axis, const std::string& suffix,
                                     bool limited) {
+      const double reference = suffix.empty() ? references_[index] : 0;
       return indent + "<joint name=\"" + xml_text(joint_name(b.joint, suffix)) + "\" type=\"" + type +
              "\" axis=\"" + numbers(axis) + "\"" +
              (limited
                   ? " limited=\"true\" range=\"" + number(b.joint.lower) + " " + number(b.joint.upper) + "\""
                   : "") +
+             (reference != 0 ? " ref=\"" + number(reference) + "\"" : "") +
              (b.joint.damping > 0 ? " damping=\"" + number(b.joint.damping) + "\"" : "") +
              (b.joint.friction > 0 ? " frictionloss=\"" + number(b.joint.friction) + "\"" : "") + "/>\n";
     };
     const Vector x = b.joint.axis.unitOrthogonal(), y = b.joint.axis.cross(x);
     if (b.joint.moves_one_way())
-      return hinge_or_slide(b.joint.turns() ? "hinge" : "slide", b.joint.axis, "", b.joint.limited());
+      return hinge_or_slide(b.joint.turns() ? "hinge" : "slide", b.joint.axis, "",
+                            b.joint.lower < b.joint.upper && b.joint.limited());
     switch (b.joint.type) {
       case Joint::Type::planar:
         return hinge_or_slide("slide", x, "_x", false) + hinge_or_slide("slide", y, "_y", false) +
@@ -132,14 +139,15 @@ class MjcfWriter {
     const Body& b = job_.model.bodies[index];
     const std::string inside = indent + "  ";
     if (is_world(static_cast<int>(index))) return content(index, indent);
-    std::string out = indent + "<body name=\"" + xml_text(body_name(index)) + "\"" + place(b.pose) + ">\n";
+    std::string out = indent + "<body name=\"" + xml_text(body_name(index)) + "\"" +
+                      place(b.pose * b.joint.motion(references_[index])) + ">\n";
     const auto inertial = inertial_of(b, job_.options.density);
     // An asset on its own is a free body; a robot's root stays where it is.
     const bool alone = !job_.model.robot() && b.parent < 0;
     if (alone && inertial && b.joint.type == Joint::Type::fixed)
       out += inside + "<freejoint/>\n";
     else if (b.joint.type != Joint::Type::fixed) {
-      out += joint(b, inside);
+      out += joint(index, inside);
       weightless_ |= !weighs(index);
     }
     if (inertial && inertial->mass > 0) out += inertia_of(*inertial, inside);
@@ -191,15 +199,16 @@ class MjcfWriter {
     return out.empty() ? "" : "  <contact>\n" + out + "  </contact>\n";
   }
 
-  // Joints that follow another one: URDF's <mimic> is a polynomial of degree 1. What follows a joint that has
-  // no single place, as a fixed one, stays where that one is at 0.
+  // Joints that follow another one: URDF's <mimic> is a polynomial of degree 1, and MuJoCo counts from the
+  // references, which follow each other, too. What follows a joint that has no single place, as a fixed one,
+  // stays where that one is at 0.
   std::string followers() const {
     std::string out;
     for (const Body& b : job_.model.bodies)
       if (!b.joint.mimic.empty() && b.joint.moves_one_way())
         out += "    <joint joint1=\"" + xml_text(b.joint.name) + "\"" +
-               (leads(b.joint.mimic) ? " joint2=\"" + xml_text(b.joint.mimic) + "\"" : "") + " polycoef=\"" +
-               number(b.joint.offset) + " " + number(b.joint.multiplier) + " 0 0 0\"/>\n";
+               (leads(b.joint.mimic) ? " joint2=\"" + xml_text(b.joint.mimic) + "\"" : "") +
+               " polycoef=\"0 " + number(b.joint.multiplier) + " 0 0 0\"/>\n";
     return out.empty() ? "" : "  <equality>\n" + out + "  </equality>\n";
   }
 
@@ -219,16 +228,34 @@ class MjcfWriter {
     return found != joints_.end() && found->second->moves_one_way();
   }
 
-  const Job& job_;
+  Job job_;
   std::vector<FilterBits> bits_;
   std::set<std::string> bodies_;
   std::map<std::string, const Joint*> joints_;
+  std::vector<double> references_;  // of each joint; the bodies are written where they stand at these
   std::vector<std::vector<std::size_t>> children_;
   bool weightless_ = false, unbalanced_ = false;
 };
 
+// Joints that are locked, or follow one that is, fixed where they stand: MuJoCo refuses equal limits.
+Model fixed_where_locked(const Model& model) {
+  Model out = model;
+  for (std::size_t b = 0; b < out.bodies.size(); b++) {
+    const Leader leader = leader_of(model, b);
+    const Joint& decides = model.bodies[leader.body].joint;
+    if (!out.bodies[b].joint.moves_one_way() || !decides.locked()) continue;
+    out.bodies[b].pose =
+        out.bodies[b].pose * out.bodies[b].joint.motion(leader.offset + leader.scale * decides.lower);
+    out.bodies[b].joint.type = Joint::Type::fixed, out.bodies[b].joint.mimic.clear();
+  }
+  return out;
+}
+
 }  // namespace
 
-Files write_mujoco(const Job& job) { return {{"", MjcfWriter(job).document()}}; }
+Files write_mujoco(const Job& job) {
+  const Model model = fixed_where_locked(job.model);
+  return {{"", MjcfWriter({model, job.options, job.pairs}).document()}};
+}
 
 }  // namespace padder::exporting

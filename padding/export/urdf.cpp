@@ -12,10 +12,14 @@
 namespace padder::exporting {
 namespace {
 
-const char* word(Joint::Type type) {
+// URDF knows no slide without limits.
+constexpr double kUnlimited = 1e6;
+
+const char* word(const Joint& joint) {
+  const bool turns_on = joint.type == Joint::Type::revolute && !joint.limited();
   constexpr const char* words[] = {"fixed",  "revolute", "continuous", "prismatic",
                                    "planar", "floating", "floating"};  // for `ball`: no joint only turns
-  return words[static_cast<std::size_t>(type)];
+  return words[static_cast<std::size_t>(turns_on ? Joint::Type::continuous : joint.type)];
 }
 
 // Roll, pitch and yaw about fixed axes x, y, z, as URDF defines them.
@@ -51,7 +55,8 @@ void prepend_inertial(pugi::xml_node link, const Inertial& i) {
 void append_joint(pugi::xml_node robot, const Body& body, const std::string& parent) {
   pugi::xml_node joint = robot.append_child("joint");
   set(joint, "name", body.joint.name.empty() ? body.name + "_joint" : body.joint.name);
-  set(joint, "type", word(body.joint.type));
+  const std::string type = word(body.joint);
+  set(joint, "type", type);
   set(joint.append_child("parent"), "link", parent);
   set(joint.append_child("child"), "link", body.name);
   pugi::xml_node place = joint.append_child("origin");
@@ -62,7 +67,6 @@ void append_joint(pugi::xml_node robot, const Body& body, const std::string& par
     set(mimic, "joint", body.joint.mimic), set(mimic, "multiplier", number(body.joint.multiplier)),
         set(mimic, "offset", number(body.joint.offset));
   }
-  const std::string type = word(body.joint.type);
   if (type == "fixed" || type == "floating") return;
   set(joint.append_child("axis"), "xyz", numbers(body.joint.axis));
   if (body.joint.damping > 0 || body.joint.friction > 0) {
@@ -70,10 +74,12 @@ void append_joint(pugi::xml_node robot, const Body& body, const std::string& par
     set(dynamics, "damping", number(body.joint.damping)),
         set(dynamics, "friction", number(body.joint.friction));
   }
-  if (!body.joint.may_have_limits()) return;
+  if (type != "revolute" && type != "prismatic") return;
   pugi::xml_node limit =
       joint.append_child("limit");  // URDF demands effort and velocity; 0 stands for unknown
-  set(limit, "lower", number(body.joint.lower)), set(limit, "upper", number(body.joint.upper));
+  const bool limited = body.joint.limited();
+  set(limit, "lower", number(limited ? body.joint.lower : -kUnlimited));
+  set(limit, "upper", number(limited ? body.joint.upper : kUnlimited));
   set(limit, "effort", number(body.joint.effort)), set(limit, "velocity", "0");
 }
 

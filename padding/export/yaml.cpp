@@ -43,8 +43,8 @@ std::string ignored(const Job& job, const std::string& indent) {
   return out.empty() ? " {}\n" : "\n" + out;
 }
 
-// The joints that a planner moves, and where they stand at first: at 0 or, where 0 is beyond the limits, in
-// the middle. Joints that mimic others or move in more than one way are not among them.
+// The joints that a planner moves, and where they stand at first. Joints that are locked, that mimic others
+// or that move in more than one way are not among them.
 struct ControlSpace {
   std::string names, positions, ones, accelerations, jerks;  // as YAML lists
   std::string by_name;                                       // "{a: 0, b: 0}"
@@ -52,10 +52,9 @@ struct ControlSpace {
   explicit ControlSpace(const Model& model) {
     for (const Body& b : model.bodies) {
       const Joint& j = b.joint;
-      if (!j.moves_one_way() || !j.mimic.empty() || b.parent < 0) continue;
-      const bool zero = !j.limited() || (j.lower <= 0 && 0 <= j.upper);
+      if (!j.moves_one_way() || j.locked() || !j.mimic.empty() || b.parent < 0) continue;
       const std::string comma = names.empty() ? "" : ", ";
-      const std::string value = yaml_number(zero ? 0 : 0.5 * (j.lower + j.upper));
+      const std::string value = yaml_number(j.first_value());
       names += comma + quoted(j.name), positions += comma + value, ones += comma + "1.0";
       accelerations += comma + "15.0", jerks += comma + "500.0";  // cuRobo's own, where nothing is stated
       by_name += comma + quoted(j.name) + ": " + value;

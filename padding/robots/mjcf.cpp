@@ -68,7 +68,7 @@ class MjcfReader {
     if (planes_ > 0) note("planes and height fields, which are left out: " + std::to_string(planes_));
     note_masses();
     if (!unlimited_.empty())
-      note("joints that slide without limits, and stay at 0 in random poses: " + listed(unlimited_));
+      note("joints that slide without limits, which random poses do not try: " + listed(unlimited_));
     if (soft_ > 0) note("soft bodies (flex), which are left out: " + std::to_string(soft_));
     return std::move(robot_);
   }
@@ -171,7 +171,8 @@ class MjcfReader {
     const std::string childclass = node.attribute("childclass").as_string(outer.c_str());
     const std::string name = name_of(node, "body_" + std::to_string(robot_.links.size()), body_names_);
     Eigen::Isometry3d pose = frame * file_.pose({{node}});
-    // The joints turn one after the other, each about its anchor, and the last one carries the body.
+    // The joints turn one after the other, each about its anchor, and the last one carries the body. Each
+    // stands at its reference where the file shows the body.
     std::vector<Joint> joints;
     std::vector<Vector> anchors;
     for (const xml_node& child : node.children()) {
@@ -192,7 +193,7 @@ class MjcfReader {
       const Vector step = anchors[k] - at;
       const std::size_t link =
           add_link(last ? name : name_of({}, name + ":" + joints[k].name, body_names_), above,
-                   pose * Eigen::Translation3d(step) * turned_back(joints[k]), joints[k]);
+                   pose * Eigen::Translation3d(step) * joints[k].motion(-joints[k].reference), joints[k]);
       pose = Eigen::Isometry3d::Identity(), at = anchors[k], above = static_cast<int>(link);
     }
     if (joints.empty() || !at.isZero(0))
@@ -200,18 +201,6 @@ class MjcfReader {
     const auto link = static_cast<std::size_t>(above);
     add_inertial(node, link);
     add_children(node, link, Eigen::Isometry3d::Identity(), childclass);
-  }
-
-  // The joint stands at `ref` where the file shows the body.
-  Eigen::Isometry3d turned_back(const Joint& joint) const {
-    const auto found = references_.find(joint.name);
-    const double ref = found == references_.end() ? 0 : found->second;
-    Eigen::Isometry3d out = Eigen::Isometry3d::Identity();
-    if (joint.type == Joint::Type::prismatic)
-      out.translation() = -ref * joint.axis;
-    else if (ref != 0)
-      out.linear() = Eigen::AngleAxisd(-ref, joint.axis).toRotationMatrix();
-    return out;
   }
 
   Joint joint_of(xml_node node, const MjcfElement& e, const std::string& name, bool free) {
@@ -234,10 +223,10 @@ class MjcfReader {
     joint.axis = axis.normalized();
     joint.damping = file_.numbers(e, "damping", 1, 3, {0})[0];
     joint.friction = file_.number(e, "frictionloss", 0);
-    if (const double ref = unit * file_.number(e, "ref", 0); ref != 0) references_[name] = ref;
+    joint.reference = unit * file_.number(e, "ref", 0);
     const auto range = file_.numbers(e, "range", 2, 2, {0, 0});
     const std::string limited = e.text("limited", "auto");
-    const bool limits = limited == "true" || (limited == "auto" && range[0] < range[1]);
+    const bool limits = limited != "false" && range[0] < range[1];
     if (limits) {
       joint.lower = unit * range[0], joint.upper = unit * range[1];
       if (turns) joint.type = Joint::Type::revolute;
@@ -397,12 +386,10 @@ class MjcfReader {
            ": its equality is no line of another joint's place, and was left out");
       return;
     }
-    if (!joint_named(leader)) file_.fail(node, "joint2 is no joint of this model");
-    const auto ref = [&](const std::string& name) {
-      return references_.contains(name) ? references_.at(name) : 0;
-    };
+    const Joint* other = joint_named(leader);
+    if (!other) file_.fail(node, "joint2 is no joint of this model");
     joint->mimic = leader, joint->multiplier = c[1];
-    joint->offset = ref(joint->name) + c[0] - c[1] * ref(leader);
+    joint->offset = joint->reference + c[0] - c[1] * other->reference;
   }
 
   void add_effort(xml_node node) {
@@ -459,7 +446,6 @@ class MjcfReader {
   std::set<std::string> joints_;
   std::set<std::string> body_names_, joint_names_;  // stated and invented ones
   std::vector<std::string> unlimited_;              // joints that slide
-  std::map<std::string, double> references_;        // `ref` of a joint, where it is not 0
   std::vector<Geom> geoms_;
   std::map<std::size_t, std::set<Bits>> bits_;          // of each link with shapes
   std::set<std::string> paired_;                        // geoms that a <pair> names

@@ -53,13 +53,20 @@ class UrdfReader {
     if (!collision && seen)
       robot.notes.push_back("no link has collision geometry: the visual geometry was padded");
     note_bare(robot, bare_, visual);
-    std::vector<std::string> crossed;
-    for (const Body& b : bodies_)
-      if (b.joint.lower > b.joint.upper) crossed.push_back(b.joint.name);
+    std::vector<std::string> crossed, locked;
+    for (Body& b : bodies_) {
+      if (b.joint.lower > b.joint.upper) {
+        crossed.push_back(b.joint.name);
+        b.joint.lower = Joint().lower, b.joint.upper = Joint().upper;
+      }
+      if (b.joint.locked()) locked.push_back(b.joint.name);
+    }
     const auto note = [&](const char* what, const std::vector<std::string>& joints) {
       if (!joints.empty()) robot.notes.push_back(what + listed(joints));
     };
     note("joints whose lower limit is above the upper one are taken to have no limits: ", crossed);
+    note("joints that do not move, because their limits (0 where <limit> states none) leave only one place: ",
+         locked);
     note("joints whose axis has no length are taken as fixed: ", axisless_);
     note("joints that mimic one that is not there are taken to follow none: ", leaderless_);
     order(robot);
@@ -286,8 +293,8 @@ class UrdfReader {
     if (has_axis && axis.norm() > 0) joint.axis = axis.normalized();
     if (has_axis && !(axis.norm() > 0)) joint.type = Joint::Type::fixed, axisless_.push_back(joint.name);
     if (const auto limit = node.child("limit"); limit && joint.may_have_limits()) {
-      if (limit.attribute("lower")) joint.lower = one(limit, "lower", where);
-      if (limit.attribute("upper")) joint.upper = one(limit, "upper", where);
+      joint.lower = limit.attribute("lower") ? one(limit, "lower", where) : 0;
+      joint.upper = limit.attribute("upper") ? one(limit, "upper", where) : 0;
     }
     const auto or_default = [&](const pugi::xml_node& element, const char* name, double otherwise) {
       return element.attribute(name) ? one(element, name, where) : otherwise;

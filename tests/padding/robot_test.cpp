@@ -111,6 +111,77 @@ TEST_F(RobotTest, AFreeBodyMayTouchWhatItHangsOn) {
         << type;
 }
 
+// The other bar may turn into the first one, which has no limits: crossed ones and none are the same.
+TEST_F(RobotTest, JointsWithoutLimitsTurnAllTheWay) {
+  const std::string bar =
+      "<collision><origin xyz='.6 0 0'/><geometry><box size='.6 .05 .05'/></geometry></collision>";
+  const std::string turn = "<origin rpy='0 0 1.6'/><axis xyz='0 0 1'/>";
+  for (const std::string limit : {"", "<limit lower='3' upper='-3'/>", "<limit lower='-3' upper='3'/>"}) {
+    const PaddedRobot r = pad_robot(urdf(link("a") + link("b", bar) + link("c", bar) +
+                                         joint("a", "b", "revolute", "<axis xyz='0 0 1'/>" + limit) +
+                                         joint("a", "c", "revolute", turn + "<limit lower='0' upper='.1'/>")),
+                                    coarse());
+    for (const Apart& p : r.model.apart) EXPECT_EQ(p.reason, "Adjacent") << limit;
+  }
+}
+
+// No random place of a slide without limits says anything, nor of one that follows it.
+TEST_F(RobotTest, SlidesWithoutLimitsLeavePairsUndecided) {
+  const auto reasons = [&](const std::string& limit) {
+    std::set<std::string> out;
+    const PaddedRobot r = pad_robot(
+        urdf(link("a") + link("b") + link("c") +
+             joint("a", "b", "prismatic", "<origin xyz='3 0 0'/>" + limit) +
+             joint("a", "c", "prismatic",
+                   "<origin xyz='-3 0 0'/><limit lower='0' upper='1'/><mimic joint='a_b' multiplier='-1'/>")),
+        coarse());
+    for (const Apart& p : r.model.apart) out.insert(p.reason);
+    return out;
+  };
+  EXPECT_EQ(reasons("<limit lower='0' upper='1'/>"), (std::set<std::string>{"Adjacent", "Never"}));
+  EXPECT_EQ(reasons(""), std::set<std::string>{"Adjacent"});
+}
+
+// At 0, which is beyond the limits of the first one, the bars are one in the other.
+TEST_F(RobotTest, TheFirstPoseIsWithinTheLimits) {
+  const std::string bar =
+      "<collision><origin xyz='.6 0 0'/><geometry><box size='.6 .05 .05'/></geometry></collision>";
+  const PaddedRobot r =
+      pad_robot(urdf(link("a") + link("b", bar) + link("c", bar) +
+                     joint("a", "b", "revolute", "<axis xyz='0 0 1'/><limit lower='.5' upper='3'/>") +
+                     joint("a", "c", "revolute", "<axis xyz='0 0 1'/><limit lower='-3' upper='3'/>")),
+                coarse());
+  for (const Apart& p : r.model.apart) EXPECT_EQ(p.reason, "Adjacent");
+  EXPECT_NE(text(r.model, "r.xml").find("ref=\"1.75\""), std::string::npos);
+}
+
+// Equal limits lock a joint. <limit> without them means 0 and 0 in URDF.
+TEST_F(RobotTest, EqualLimitsLockAJoint) {
+  const std::string bar =
+      "<collision><origin xyz='.6 0 0'/><geometry><box size='.6 .05 .05'/></geometry></collision>";
+  for (const std::string limit : {"lower='1.6' upper='1.6' ", ""}) {
+    const bool turned = !limit.empty();
+    const PaddedRobot r = pad_robot(
+        urdf(link("a") + link("b", bar) + link("c", bar) +
+             joint("a", "b", "revolute", "<axis xyz='0 0 1'/><limit " + limit + "effort='1' velocity='1'/>") +
+             joint("a", "c", "revolute",
+                   std::string("<origin rpy='0 0 ") + (turned ? "0" : "1.6") +
+                       "'/><axis xyz='0 0 1'/><limit lower='0' upper='.1'/>")),
+        coarse());
+    ASSERT_EQ(r.model.apart.size(), 3u);
+    EXPECT_EQ(r.model.apart.back().reason, "Never") << limit;
+    EXPECT_EQ(r.notes.size(), 1u);
+    EXPECT_NE(r.notes.back().find("only one place: a_b"), std::string::npos) << r.notes.back();
+    const std::string xml = text(r.model, "r.xml"), yaml = text(r.model, "r.yaml"),
+                      usd = text(r.model, "r.usda");
+    EXPECT_EQ(xml.find("\"a_b\""), std::string::npos) << xml;
+    EXPECT_EQ(xml.find("<body name=\"b\" quat=") != std::string::npos, turned) << xml;
+    EXPECT_EQ(yaml.find("\"a_b\""), std::string::npos) << yaml;
+    EXPECT_NE(usd.find("physics:lowerLimit = " + std::string(turned ? "91.67" : "0\n")), std::string::npos)
+        << usd;
+  }
+}
+
 // 40 pairs of parts around a body, each with a part of its own: no 32 families keep all neighbours apart.
 TEST_F(RobotTest, MoreMovingPartsThanFamiliesAreListedAsPairs) {
   const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";

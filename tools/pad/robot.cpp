@@ -176,7 +176,7 @@ void print_robot(const Json& report) {
   for (const Json& note : report["notes"]) std::printf("  note: %s\n", note.get<std::string>().c_str());
   const Json& apart = report["pairs_apart"];
   std::printf(
-      "  pairs of links that are not tested: %zu adjacent, %zu touch at zero, %zu always, %zu never\n",
+      "  pairs of links that are not tested: %zu adjacent, %zu touch at first, %zu always, %zu never\n",
       apart["Adjacent"].get<std::size_t>(), apart["Default"].get<std::size_t>(),
       apart["Always"].get<std::size_t>(), apart["Never"].get<std::size_t>());
   if (!report["tolerance"].is_null())

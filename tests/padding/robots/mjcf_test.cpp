@@ -202,7 +202,7 @@ TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
   EXPECT_EQ(body("a").joint.effort, 15);
   EXPECT_EQ(body("a").joint.damping, 2);
   EXPECT_EQ(body("a").joint.friction, 0.5);
-  EXPECT_EQ(body("b").joint.lower, body("b").joint.upper);
+  EXPECT_FALSE(body("b").joint.limited());
   EXPECT_EQ(body("b").joint.mimic, "");
   EXPECT_EQ(body("c").joint.mimic, "j");
   EXPECT_NEAR(body("c").joint.offset, 0.1 + std::numbers::pi / 18, 1e-12);
@@ -227,6 +227,29 @@ TEST_F(MjcfTest, WhatMovesMayTouchTheWorld) {
   std::set<std::string> names;
   for (const auto& [i, j] : neighbours(r)) names.insert(r.links[i].name + " " + r.links[j].name);
   EXPECT_EQ(names, (std::set<std::string>{"world base", "hopper foot"}));
+}
+
+// At 0 the two lie apart, and at their references in one another.
+TEST_F(MjcfTest, TheFirstPoseIsThatOfTheReferences) {
+  const fs::path file = world(
+      "<body name='p' pos='0 0 1'><joint name='px' type='slide' axis='1 0 0' ref='1' limited='true' "
+      "range='-2 "
+      "2'/><geom type='box' size='.2 .2 .2'/></body><body name='q' pos='.1 0 1'><joint name='qx' "
+      "type='slide' "
+      "axis='1 0 0' ref='2' limited='true' range='-3 3'/><geom type='box' size='.2 .2 .2'/></body>");
+  PadOptions options;
+  options.tolerance = Length::share(0.05);
+  const PaddedRobot r = pad_robot(file, options);
+  ASSERT_EQ(r.model.apart.size(), 1u);
+  EXPECT_EQ(r.model.apart[0].reason, "Default");
+  write(r.model, "out.xml");
+  char error[1000] = "";
+  mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
+  ASSERT_NE(m, nullptr) << error;
+  EXPECT_EQ(m->qpos0[0], 1);
+  EXPECT_EQ(m->qpos0[1], 2);
+  EXPECT_NEAR(m->body_pos[3 * mj_name2id(m, mjOBJ_BODY, "q")], 0.1, 1e-15);
+  mj_deleteModel(m);
 }
 
 TEST_F(MjcfTest, WhatIsLeftOutIsCountedInNotes) {
