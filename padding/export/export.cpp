@@ -219,6 +219,15 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
   if (std::string_view(format.name) == "urdf" && model.urdf.empty() && ball != model.bodies.end())
     warnings.push_back("URDF has no ball joint: in " + path.string() + " " + excerpt(ball->joint.name) +
                        " and any other one are floating joints, whose links may also move away");
+  if (std::string_view(format.name) == "urdf")
+    if (const auto joints = exporting::joints_with_unknown_limits(model); !joints.empty())
+      warnings.push_back("nobody states how fast or how strong some joints may be, so " + path.string() +
+                         " says 1e6, without a limit: set effort and velocity of " + excerpt(joints[0]) +
+                         (joints.size() > 1 ? " and " + std::to_string(joints.size() - 1) + " more" : ""));
+  if (std::string_view(format.name) == "curobo" && model.robot() && model.bodies.size() > 1 &&
+      options.urdf.empty() && exporting::urdf_of(model, options) != model.file)
+    warnings.push_back(path.string() + " names " + exporting::urdf_of(model, options) +
+                       ", which cuRobo needs beside it: write it, too, with another -o");
   if (const std::size_t n = neighbours_beyond_families(model); n > 0 && format.filter == F::numbers)
     warnings.push_back(model.name + " has more moving parts than 32 families can tell apart: in " +
                        path.string() + " " + std::to_string(n) + " pairs of neighbours may touch");
@@ -234,6 +243,20 @@ namespace exporting {
 bool states_mass(const Format& format) {
   const std::string_view stating[] = {"dem-engine", "yade", "mercury", "chrono", "urdf", "mujoco", "usd"};
   return std::find(std::begin(stating), std::end(stating), format.name) != std::end(stating);
+}
+
+std::string urdf_of(const Model& model, const ExportOptions& options) {
+  const std::string ending = fs::path(model.file).extension().string();
+  if (ending == ".urdf" || ending == ".URDF") return model.file;
+  if (!options.urdf.empty()) return options.urdf;
+  const std::string stem = model.file.empty() ? model.name : fs::path(model.file).stem().string();
+  return stem.ends_with(".urdf") ? stem : stem + ".urdf";  // NAME.urdf.xacro
+}
+
+bool is_world(const Model& model, int body) {
+  if (body < 0 || !model.robot()) return false;
+  const Body& b = model.bodies[static_cast<std::size_t>(body)];
+  return b.parent < 0 && b.name == "world" && b.pose.matrix().isIdentity(0);
 }
 
 std::string number(double value) {

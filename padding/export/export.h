@@ -44,6 +44,8 @@ struct ExportOptions {
   // For formats that state a mass, and bodies that have none: kg/m^3 where the format is in metres, else mass
   // per cubic unit of the model.
   double density = 1000;
+  std::string urdf =
+      {};  // of the same robot, which is written as well: for cuRobo, if the robot was read from none
 };
 
 // Throws what write_model would throw about several bodies, families, masks and pairs. It needs no spheres,

@@ -26,7 +26,8 @@ struct Joint {
   std::string name;
   Type type = Type::fixed;
   Vector axis = Vector::UnitX();  // unit, in the body's frame
-  // Of revolute (radians) and prismatic (length); infinite: no limits. Equal ones lock the joint.
+  // Of revolute (radians) and prismatic (length); infinite: no limits. Equal ones lock the joint. Of a ball,
+  // `upper` is how far it turns at most.
   double lower = -std::numeric_limits<double>::infinity(), upper = std::numeric_limits<double>::infinity();
   double reference = 0;  // where it stands at first: MJCF's ref
   double effort = 0;     // the most a motor may give, N m or N; 0: not stated

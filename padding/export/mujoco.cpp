@@ -91,7 +91,8 @@ class MjcfWriter {
         return hinge_or_slide("slide", x, "_x", false) + hinge_or_slide("slide", y, "_y", false) +
                hinge_or_slide("hinge", b.joint.axis, "_turn", false);
       case Joint::Type::floating: {  // a free joint may only stand in the world
-        if (is_world(b.parent)) return indent + "<freejoint name=\"" + xml_text(b.joint.name) + "\"/>\n";
+        if (is_world(job_.model, b.parent))
+          return indent + "<freejoint name=\"" + xml_text(b.joint.name) + "\"/>\n";
         std::string out;
         for (int k = 0; k < 3; k++)
           out += hinge_or_slide("slide", Vector::Unit(k), std::string("_") + "xyz"[k], false);
@@ -99,7 +100,11 @@ class MjcfWriter {
                "\" type=\"ball\"/>\n";
       }
       case Joint::Type::ball:
-        return indent + "<joint name=\"" + xml_text(b.joint.name) + "\" type=\"ball\"/>\n";
+        return indent + "<joint name=\"" + xml_text(b.joint.name) + "\" type=\"ball\"" +
+               (std::isfinite(b.joint.upper) ? " limited=\"true\" range=\"0 " + number(b.joint.upper) + "\""
+                                             : "") +
+               (b.joint.damping > 0 ? " damping=\"" + number(b.joint.damping) + "\"" : "") +
+               (b.joint.friction > 0 ? " frictionloss=\"" + number(b.joint.friction) + "\"" : "") + "/>\n";
       default:
         return "";
     }
@@ -120,16 +125,9 @@ class MjcfWriter {
     return name;
   }
 
-  // MuJoCo has a body of this name already, which no other may have: the world that all bodies stand in.
-  bool is_world(int index) const {
-    if (index < 0 || !job_.model.robot()) return false;
-    const Body& b = job_.model.bodies[static_cast<std::size_t>(index)];
-    return b.parent < 0 && b.name == "world" && b.pose.matrix().isIdentity(0);
-  }
-
   std::string body_name(std::size_t index) const {
     std::string name = job_.model.bodies[index].name;
-    if (name != "world" || is_world(static_cast<int>(index))) return name;
+    if (name != "world" || is_world(job_.model, static_cast<int>(index))) return name;
     do name += '_';
     while (bodies_.contains(name));
     return name;
@@ -138,7 +136,7 @@ class MjcfWriter {
   std::string body(std::size_t index, const std::string& indent) {
     const Body& b = job_.model.bodies[index];
     const std::string inside = indent + "  ";
-    if (is_world(static_cast<int>(index))) return content(index, indent);
+    if (is_world(job_.model, static_cast<int>(index))) return content(index, indent);
     std::string out = indent + "<body name=\"" + xml_text(body_name(index)) + "\"" +
                       place(b.pose * b.joint.motion(references_[index])) + ">\n";
     const auto inertial = inertial_of(b, job_.options.density);

@@ -12,7 +12,7 @@
 namespace padder::exporting {
 namespace {
 
-// URDF knows no slide without limits.
+// URDF demands numbers for the limits of a joint, and 0 would let it have no speed and no force.
 constexpr double kUnlimited = 1e6;
 
 const char* word(const Joint& joint) {
@@ -75,12 +75,12 @@ void append_joint(pugi::xml_node robot, const Body& body, const std::string& par
         set(dynamics, "friction", number(body.joint.friction));
   }
   if (type != "revolute" && type != "prismatic") return;
-  pugi::xml_node limit =
-      joint.append_child("limit");  // URDF demands effort and velocity; 0 stands for unknown
+  pugi::xml_node limit = joint.append_child("limit");
   const bool limited = body.joint.limited();
   set(limit, "lower", number(limited ? body.joint.lower : -kUnlimited));
   set(limit, "upper", number(limited ? body.joint.upper : kUnlimited));
-  set(limit, "effort", number(body.joint.effort)), set(limit, "velocity", "0");
+  set(limit, "effort", number(body.joint.effort > 0 ? body.joint.effort : kUnlimited));
+  set(limit, "velocity", number(kUnlimited));
 }
 
 std::string text_of(const pugi::xml_document& document) {
@@ -90,9 +90,9 @@ std::string text_of(const pugi::xml_document& document) {
 }
 
 // urdfdom refuses the robot without these.
-void fill(pugi::xml_node element, std::initializer_list<const char*> attributes) {
+void fill(pugi::xml_node element, std::initializer_list<const char*> attributes, double value) {
   for (const char* name : attributes)
-    if (element && !element.attribute(name)) set(element, name, "0");
+    if (element && !element.attribute(name)) set(element, name, number(value));
 }
 
 // Writes the document that the robot was read from. Only <collision> changes; a missing <inertial> is added,
@@ -110,12 +110,16 @@ std::string edited(const Job& job) {
     if (!link) throw Error("the URDF of " + job.model.name + " has no link " + body.name);
     while (link.remove_child("collision")) continue;
     const auto inertial = inertial_of(body, job.options.density);
-    if (inertial && !link.child("inertial")) prepend_inertial(link, *inertial);
-    fill(link.child("inertial").child("inertia"), {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"});
+    // One that states no mass or no moments was read as none (padding/robots/urdf.h).
+    if (inertial && !body.inertial) {
+      link.remove_child("inertial");
+      prepend_inertial(link, *inertial);
+    }
+    fill(link.child("inertial").child("inertia"), {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}, 0);
     append_collisions(link, body.cluster);
   }
   for (const pugi::xml_node joint : robot.children("joint"))
-    fill(joint.child("limit"), {"effort", "velocity"});
+    fill(joint.child("limit"), {"effort", "velocity"}, kUnlimited);
   return text_of(document);
 }
 
@@ -184,6 +188,20 @@ Files write_urdf(const Job& job) {
   // there would speak of another robot.
   if (job.model.robot() || !job.pairs.empty()) files.emplace_back("*.srdf", srdf(job, false));
   return files;
+}
+
+std::vector<std::string> joints_with_unknown_limits(const Model& model) {
+  std::vector<std::string> out;
+  pugi::xml_document document;
+  document.load_buffer(model.urdf.data(), model.urdf.size());
+  for (const pugi::xml_node joint : document.child("robot").children("joint"))
+    if (const auto limit = joint.child("limit");
+        limit && !(limit.attribute("effort") && limit.attribute("velocity")))
+      out.push_back(joint.attribute("name").as_string());
+  if (model.urdf.empty())
+    for (const Body& b : model.bodies)
+      if (b.joint.may_have_limits()) out.push_back(b.joint.name);
+  return out;
 }
 
 Files write_srdf(const Job& job) { return {{"", srdf(job, true)}}; }

@@ -54,15 +54,22 @@ class UsdWriter {
     const Body& body = job_.model.bodies[b];
     const double metre = metres(job_.model.unit);  // the density is per cubic metre
     const auto inertial = inertial_of(body, job_.options.density * metre * metre * metre);
-    const bool weighs = inertial && inertial->mass > 0;
+    const bool stands = is_world(job_.model, static_cast<int>(b));  // its colliders move nowhere
+    const bool weighs = !stands && inertial && inertial->mass > 0;
     std::string filtered;
     for (const auto& [i, j] : job_.pairs)
       if (i == b && job_.model.bodies[j].cluster.size() > 0 && body.cluster.size() > 0)
         filtered += (filtered.empty() ? "" : ", ") + path(j);
-    std::string out = "def Xform \"" + name + "\" (\n    prepend apiSchemas = [\"PhysicsRigidBodyAPI\"";
-    if (weighs) out += ", \"PhysicsMassAPI\"";
-    if (!filtered.empty()) out += ", \"PhysicsFilteredPairsAPI\"";
-    out += "]\n)\n{\n";
+    std::string schemas;
+    const auto add = [&](const char* schema) {
+      schemas += std::string(schemas.empty() ? "\"" : ", \"") + schema + "\"";
+    };
+    if (!stands) add("PhysicsRigidBodyAPI");
+    if (weighs) add("PhysicsMassAPI");
+    if (!filtered.empty()) add("PhysicsFilteredPairsAPI");
+    std::string out = "def Xform \"" + name + "\"";
+    if (!schemas.empty()) out += " (\n    prepend apiSchemas = [" + schemas + "]\n)";
+    out += "\n{\n";
     if (weighs) out += mass(*inertial);
     if (!filtered.empty()) out += "    rel physics:filteredPairs = [" + filtered + "]\n";
     if (!pose.matrix().isIdentity(0))
@@ -107,8 +114,10 @@ class UsdWriter {
       out +=
           " (\n    prepend apiSchemas = [\"PhysicsLimitAPI:transX\", \"PhysicsLimitAPI:rotY\", "
           "\"PhysicsLimitAPI:rotZ\"]\n)";
-    out += "\n{\n    rel physics:body0 = " + path(static_cast<std::size_t>(body.parent)) +
-           "\n    rel physics:body1 = " + path(b) +
+    out += "\n{\n";
+    if (!is_world(job_.model, body.parent))  // without a body0 the joint holds it to the world
+      out += "    rel physics:body0 = " + path(static_cast<std::size_t>(body.parent)) + "\n";
+    out += "    rel physics:body1 = " + path(b) +
            "\n    point3f physics:localPos0 = " + tuple(Vector(body.pose.translation())) +
            "\n    quatf physics:localRot0 = " + tuple(Eigen::Quaterniond(body.pose.linear()) * along) +
            "\n    point3f physics:localPos1 = (0, 0, 0)\n    quatf physics:localRot1 = " + tuple(along) +

@@ -43,6 +43,16 @@ Files write_xrdf(const Job& job);
 // Does a file of this format carry mass, centre of mass or moments of inertia?
 bool states_mass(const Format& format);
 
+// The joints of which the URDF that is written states a speed or a force that nobody stated.
+std::vector<std::string> joints_with_unknown_limits(const Model& model);
+
+// The URDF that goes with cuRobo's file: the one that was read, the one that is written, or one of that name.
+std::string urdf_of(const Model& model, const ExportOptions& options);
+
+// Is it the root of a robot that stands for the world, where all bodies stand, and no body itself? MuJoCo has
+// one of this name already, and URDFs that hang a robot up call it so.
+bool is_world(const Model& model, int body);
+
 // Spheres about the centre of mass along the principal axes.
 std::vector<Point> centers_in_mass_frame(const Cluster& cluster);
 

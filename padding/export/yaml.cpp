@@ -92,8 +92,8 @@ Files write_curobo(const Job& job) {
     out +=
         "# tool_frames is the end of the longest chain: set it, and the limits of cspace, to what is "
         "right.\n";
-    out += "robot_cfg:\n  kinematics:\n    urdf_path: " +
-           quoted(model.urdf.empty() ? model.name + ".urdf" : model.file) + "\n    asset_root_path: \"\"\n";
+    out += "robot_cfg:\n  kinematics:\n    urdf_path: " + quoted(urdf_of(model, job.options)) +
+           "\n    asset_root_path: \"\"\n";
     out += "    base_link: " + quoted(model.bodies[0].name) + "\n    tool_frames: [" +
            quoted(last_link(model)) + "]\n";
   }

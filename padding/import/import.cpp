@@ -63,7 +63,7 @@ bool is_any_of(const std::string& ending, std::initializer_list<const char*> end
 Content from_child(const std::function<Content()>& read, std::size_t file_size, const std::string& where) {
   Content content;
   const auto send = [&](ChildPipe& pipe) {
-    bool sent = pipe.put_array(content.unit) && pipe.put(content.links) &&
+    bool sent = pipe.put_array(content.unit) && pipe.put(content.links) && pipe.put(content.switched_off) &&
                 pipe.put<std::uint64_t>(content.parts.size());
     for (const Part& p : content.parts)
       sent = sent && pipe.put_array(p.name) && pipe.put_array(p.centers) && pipe.put_array(p.radii) &&
@@ -75,7 +75,8 @@ Content from_child(const std::function<Content()>& read, std::size_t file_size, 
   };
   const auto receive = [&](ChildPipe& pipe) {
     std::uint64_t left = 0;
-    bool sound = pipe.get_array(content.unit) && pipe.get(content.links) && pipe.get(left);
+    bool sound = pipe.get_array(content.unit) && pipe.get(content.links) && pipe.get(content.switched_off) &&
+                 pipe.get(left);
     for (; sound && left > 0; left--) {
       Part& p = content.parts.emplace_back();
       sound = pipe.get_array(p.name) && pipe.get_array(p.centers) && pipe.get_array(p.radii) &&
@@ -162,7 +163,7 @@ SphereModel read_sphere_model(const fs::path& path) {
   if (content.parts.empty()) throw Error(path.string() + ": there is no sphere in it");
   SphereModel out;
   out.model.name = path.stem().string(), out.model.unit = content.unit;
-  out.links = content.links && content.parts.size() > 1;
+  out.links = content.links && content.parts.size() > 1, out.switched_off = content.switched_off;
   std::map<std::string, std::size_t> index;
   for (Part& p : content.parts) {
     Body body;

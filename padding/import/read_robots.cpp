@@ -28,7 +28,8 @@ YAML::Node value_of(const YAML::Node& map, const char* key, const std::string& w
   return found;
 }
 
-Part links_spheres(const std::string& link, const YAML::Node& list, const std::string& where) {
+Part links_spheres(const std::string& link, const YAML::Node& list, const std::string& where,
+                   std::uint64_t& switched_off) {
   Part part;
   part.name = link;
   const std::string at = where + ", spheres of '" + excerpt(link) + "'";
@@ -39,6 +40,10 @@ Part links_spheres(const std::string& link, const YAML::Node& list, const std::s
       if (!center.IsDefined() || !radius.IsDefined() || !center.IsSequence() || center.size() != 3)
         throw Error(at + ", line " + std::to_string(sphere.Mark().line + 1) +
                     ": each needs a center of three numbers and a radius");
+      if (radius.as<double>() <= 0) {  // a place that cuRobo fills later, as with what a gripper holds
+        switched_off++;
+        continue;
+      }
       part.centers.emplace_back(center[0].as<double>(), center[1].as<double>(), center[2].as<double>());
       part.radii.push_back(radius.as<double>());
     }
@@ -48,7 +53,7 @@ Part links_spheres(const std::string& link, const YAML::Node& list, const std::s
   return part;
 }
 
-void append(Parts& parts, const YAML::Node& links, const std::string& where) {
+void append(Parts& parts, const YAML::Node& links, const std::string& where, std::uint64_t& switched_off) {
   if (links.IsScalar())
     throw Error(where + ": collision_spheres names another file, '" + excerpt(links.Scalar()) +
                 "': give that one");
@@ -59,7 +64,7 @@ void append(Parts& parts, const YAML::Node& links, const std::string& where) {
       if (p.name == link.first.Scalar())
         throw Error(where + ", line " + std::to_string(link.first.Mark().line + 1) + ": the link '" +
                     excerpt(p.name) + "' is listed twice: remove one");
-    parts.push_back(links_spheres(link.first.Scalar(), link.second, where));
+    parts.push_back(links_spheres(link.first.Scalar(), link.second, where, switched_off));
   }
 }
 
@@ -137,7 +142,7 @@ Content read_yaml(const std::string& text, const std::string& where) {
     for (const auto& group : geometry) {
       if (!group.second.IsMap() || !group.second["spheres"]) continue;
       Parts links;
-      append(links, group.second["spheres"], where);
+      append(links, group.second["spheres"], where, out.switched_off);
       for (Part& link : links) {
         if (groups > 1) link.name = group.first.Scalar() + "/" + link.name;
         out.parts.push_back(std::move(link));
@@ -148,13 +153,14 @@ Content read_yaml(const std::string& text, const std::string& where) {
     return out;
   }
   YAML::Node robot = document;
-  if (!value_of(document, "collision_spheres", where).IsDefined() && document["robot_cfg"].IsDefined() &&
-      document["robot_cfg"].IsMap())  // a whole robot of cuRobo
-    if (const YAML::Node k = document["robot_cfg"]["kinematics"]; k && k.IsMap()) robot.reset(k);
+  if (!value_of(document, "collision_spheres", where).IsDefined())  // a whole robot of cuRobo
+    for (const char* key : {"robot_cfg", "kinematics"})
+      if (const YAML::Node inner = value_of(robot, key, where); inner.IsDefined() && inner.IsMap())
+        robot.reset(inner);
   const YAML::Node spheres = value_of(robot, "collision_spheres", where);
   if (!spheres.IsDefined())
     throw Error(where + ": neither collision_spheres (cuRobo) nor geometry (XRDF) is in it");
-  append(out.parts, spheres, where);
+  append(out.parts, spheres, where, out.switched_off);
   append(out.apart, value_of(robot, "self_collision_ignore", where));
   return out;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Private to padding/import: one function for each format that holds spheres.
 #pragma once
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -33,6 +34,7 @@ struct Content {
   // The parts are links, each in its own frame, and the file does not say where they are.
   bool links = false;
   std::vector<ApartNames> apart = {};
+  std::uint64_t switched_off = 0;  // spheres without a radius, which were left out
 };
 
 // The word for what an array `unit_in_metres` holds. Throws Error if it is not one number that has a word.

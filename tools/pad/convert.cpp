@@ -61,6 +61,9 @@ Json run_convert(const PadArguments& a, const std::string& input, const PadTarge
   Model& model = spheres.model;
   change(model, a);
   std::vector<std::string> warnings;
+  if (spheres.switched_off > 0)
+    warnings.push_back(cli::counted(spheres.switched_off, "sphere") + " of " + input +
+                       " without a radius, which cuRobo switches off so, left out");
   Json outputs = Json::array();
   for (const OutputFile& file : target.in_writing_order()) write(spheres, input, file, a.density, warnings);
   const auto has_levels = [](const Body& body) { return !body.cluster.lods.empty(); };

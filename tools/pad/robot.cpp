@@ -108,8 +108,11 @@ Json run_robot(const PadArguments& a, const std::string& file, const PadTarget& 
   for (const OutputFile& output : target.outputs) check_filters(read.model, *output.format);
   const PaddedRobot robot = pad_robot(file, target.robot.get(), a.options, a.robot, progress);
   std::vector<std::string> warnings;
+  ExportOptions exported{.density = a.density};
+  for (const OutputFile& output : target.outputs)
+    if (output.is("urdf")) exported.urdf = output.path.filename().string();
   for (const OutputFile& output : target.in_writing_order())
-    for (auto& sentence : write_model(robot.model, output.path, *output.format, {a.density}))
+    for (auto& sentence : write_model(robot.model, output.path, *output.format, exported))
       warnings.push_back(std::move(sentence));
   for (const PadReport& report : robot.reports)
     warnings.insert(warnings.end(), report.warnings.begin(), report.warnings.end());

@@ -109,16 +109,19 @@ TEST_F(RobotsTest, ABallJointThatFloatsInAUrdfIsTold) {
   Model m = arm();
   m.bodies[1].joint.type = Joint::Type::ball;
   const auto warnings = write_model(m, folder_ / "a.urdf", find_format("a.urdf"));
-  ASSERT_EQ(warnings.size(), 1u);
-  EXPECT_NE(warnings[0].find(m.bodies[1].joint.name + " and any other one are floating joints"), std::string::npos)
+  ASSERT_EQ(warnings.size(), 2u);
+  EXPECT_NE(warnings[1].find("set effort and velocity of finger_joint"), std::string::npos) << warnings[1];
+  EXPECT_NE(warnings[0].find(m.bodies[1].joint.name + " and any other one are floating joints"),
+            std::string::npos)
       << warnings[0];
   EXPECT_TRUE(write_model(m, folder_ / "a.xml", find_format("a.xml")).empty());
 }
 
 // urdfdom refuses a URDF without them, which others read.
-TEST_F(RobotsTest, MissingNumbersAreFilledWithZeros) {
+TEST_F(RobotsTest, MissingNumbersAreFilled) {
   Model m = arm();
   m.urdf = "<robot name='r'>";
+  for (Body& b : m.bodies) b.inertial = Inertial{1, Point::Zero(), Vector(1, 2, 3).asDiagonal()};
   for (const Body& b : m.bodies)
     m.urdf += "<link name='" + b.name +
               "'><inertial><mass value='1'/><inertia ixx='1' iyy='2' izz='3'/></inertial></link>";
@@ -127,7 +130,32 @@ TEST_F(RobotsTest, MissingNumbersAreFilledWithZeros) {
   EXPECT_NE(out.find("<inertia ixx=\"1\" iyy=\"2\" izz=\"3\" ixy=\"0\" ixz=\"0\" iyz=\"0\""),
             std::string::npos)
       << out;
-  EXPECT_NE(out.find("<limit lower=\"-1\" effort=\"0\" velocity=\"0\""), std::string::npos) << out;
+  EXPECT_NE(out.find("<limit lower=\"-1\" effort=\"1e+06\" velocity=\"1e+06\""), std::string::npos) << out;
+}
+
+// 0 would let a joint have no speed and no force.
+TEST_F(RobotsTest, UnknownLimitsOfAUrdfLimitNothing) {
+  Model m = arm();
+  m.bodies[1].joint.effort = 3;
+  m.bodies[4].joint.lower = Joint().lower, m.bodies[4].joint.upper = Joint().upper;
+  const std::string out = text(m, "o.urdf");
+  EXPECT_NE(out.find("upper=\"0.25\" effort=\"3\" velocity=\"1e+06\""), std::string::npos) << out;
+  EXPECT_NE(out.find("<limit lower=\"-1e+06\" upper=\"1e+06\" effort=\"1e+06\""), std::string::npos) << out;
+}
+
+TEST_F(RobotsTest, CuroboNamesAUrdfThatItCanRead) {
+  Model m = arm();
+  for (const auto& [file, urdf, named] : {std::tuple("a.urdf", "", "a.urdf"),
+                                          {"a.urdf", "b.urdf", "a.urdf"},
+                                          {"a.xml", "", "a.urdf"},
+                                          {"a.urdf.xacro", "b.urdf", "b.urdf"}}) {
+    m.file = file;
+    const auto warnings = write_model(m, folder_ / "o.yaml", find_format("o.yaml"), {.urdf = urdf});
+    EXPECT_NE(read_file(folder_ / "o.yaml").find("urdf_path: \"" + std::string(named) + "\"\n"),
+              std::string::npos)
+        << file << " " << urdf;
+    EXPECT_EQ(warnings.size(), std::string(file) == "a.xml" ? 1u : 0u);
+  }
 }
 
 TEST_F(RobotsTest, PosesOfJointsSurviveTheirAngles) {
@@ -198,6 +226,12 @@ TEST_F(RobotsTest, FilesByHand) {
       "robot_cfg:\n  kinematics:\n    collision_spheres:\n      hand:\n      - center: [0, 1, 2]\n        "
       "radius: 0.5\n";
   EXPECT_EQ(read("w.yml", whole).centers[0], Point(0, 1, 2));
+  EXPECT_EQ(read("w.yml", whole.substr(whole.find('\n') + 1)).centers[0], Point(0, 1, 2));
+  const Cluster some = read("w.yml",
+                            "collision_spheres: {hand: [{center: [0, 1, 2], radius: 1}, {center: [0, 0, 0], "
+                            "radius: -10}]}");
+  EXPECT_EQ(some.size(), 1u);
+  EXPECT_EQ(read_sphere_model(folder_ / "w.yml").switched_off, 1u);
   EXPECT_EQ(read("u.urdf",
                  "<robot name='r'><link name='a'><collision><geometry><sphere "
                  "radius='2'/></geometry></collision><collision>"

@@ -273,5 +273,19 @@ TEST_F(ScenesTest, UsdFiltersPairsAndBracesClose) {
   EXPECT_EQ(spheres, 12u);
 }
 
+// A body would fall, and with it the robot that is bolted to it.
+TEST_F(ScenesTest, TheWorldOfARobotIsNoBodyInUsd) {
+  Model m = arm();
+  m.file = "arm.urdf", m.bodies[0].name = "world";
+  const std::string usd = text(m, "w.usda");
+  const std::string world = usd.substr(usd.find("def Xform \"world\""),
+                                       usd.find("def Xform \"upper\"") - usd.find("def Xform \"world\""));
+  EXPECT_EQ(world.find("RigidBodyAPI"), std::string::npos) << world;
+  EXPECT_EQ(world.find("physics:mass"), std::string::npos) << world;
+  EXPECT_NE(world.find("PhysicsFilteredPairsAPI"), std::string::npos) << world;
+  EXPECT_EQ(usd.find("physics:body0 = </arm/world>"), std::string::npos);
+  EXPECT_NE(usd.find("physics:body0 = </arm/upper>"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace padder::samples
