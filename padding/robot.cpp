@@ -11,6 +11,8 @@
 
 #include "padding/asset/error.h"
 #include "padding/input/text.h"
+#include "padding/meshing/pieces.h"
+#include "padding/meshing/repair.h"
 #include "padding/robots/mjcf.h"
 #include "padding/self_collision.h"
 #include "padding/shape_mesh.h"
@@ -83,9 +85,15 @@ Cluster spheres_of(const RobotLink& link, const fs::path& file) {
   return c;
 }
 
-}  // namespace
+// Does repair find a cavity in the mesh of one shape? Where it fails, it says so when the link is padded.
+bool has_cavity(const Mesh& mesh) try {
+  return find_pieces(mesh).pieces.size() > 1 && repair(mesh, {}, "").steps.cavities > 0;
+} catch (const Error&) {
+  return false;
+}
 
-ReadResult read_link(const RobotLink& link, const fs::path& file, const PadOptions& options) {
+// As read_link. `solids`: the shapes are several, none with a cavity of its own.
+ReadResult read_shapes(const RobotLink& link, const fs::path& file, const PadOptions& options, bool& solids) {
   std::vector<ReadResult> files(link.shapes.size());
   for (std::size_t k = 0; k < files.size(); k++) {
     if (link.shapes[k].type != RobotShape::Type::mesh) continue;
@@ -96,12 +104,15 @@ ReadResult read_link(const RobotLink& link, const fs::path& file, const PadOptio
   const double chord_error = chord_error_for(options, extent(link, files));
   ReadResult all;
   all.unit = "m";
+  solids = files.size() > 1;
   for (const ReadResult& f : files)
     for (const std::string& note : f.notes) all.notes.push_back(link.name + ": " + note);
   for (std::size_t k = 0; k < files.size(); k++) {
     const RobotShape& s = link.shapes[k];
     if (s.type == RobotShape::Type::mesh) {
-      all.mesh.add(placed(std::move(files[k].mesh), s));
+      const Mesh mesh = placed(std::move(files[k].mesh), s);
+      solids = solids && !has_cavity(mesh);
+      all.mesh.add(mesh);
       all.source.triangles += files[k].source.triangles;
     } else {
       const ShapeMesh shape = shape_mesh(s, chord_error);
@@ -117,13 +128,11 @@ ReadResult read_link(const RobotLink& link, const fs::path& file, const PadOptio
   return all;
 }
 
-namespace {
-
 // A link that is to be padded: its number, and its shapes as one mesh.
 struct Task {
   std::size_t link;
   ReadResult file;
-  bool solids;  // several shapes and no mesh: each is solid, so that one inside another bounds no cavity
+  bool solids;  // several shapes without cavities of their own: one inside another bounds none
 };
 
 bool same_body(const Task& a, const Task& b) {
@@ -131,11 +140,14 @@ bool same_body(const Task& a, const Task& b) {
          a.file.chord_error == b.file.chord_error && a.solids == b.solids;
 }
 
-bool several_solids(const RobotLink& link) {
-  return link.shapes.size() > 1 && std::ranges::none_of(link.shapes, [](const RobotShape& s) {
-           return s.type == RobotShape::Type::mesh;
-         });
+}  // namespace
+
+ReadResult read_link(const RobotLink& link, const fs::path& file, const PadOptions& options) {
+  bool solids = false;
+  return read_shapes(link, file, options, solids);
 }
+
+namespace {
 
 // Pads the links side by side, the largest first. Each takes its portion of the threads. Of links with the
 // same shapes, as the wheels of a base, the first is padded for all.
@@ -299,7 +311,9 @@ PaddedRobot pad_robot(const fs::path& path, RobotTree robot, const PadOptions& a
       continue;
     }
     try {
-      tasks.push_back({k, read_link(link, path, options), several_solids(link)});
+      Task task{k, {}, false};
+      task.file = read_shapes(link, path, options, task.solids);
+      tasks.push_back(std::move(task));
     } catch (const Error& e) {
       throw Error(path.string() + ", link " + link.name + ": " + e.what());
     }

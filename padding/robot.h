@@ -36,13 +36,14 @@ struct RobotOptions {
 ReadResult read_link(const RobotLink& link, const std::filesystem::path& file,
                      const PadOptions& options = {});
 
-// The shapes of a link are one body: repair unites meshes, boxes and cylinders that overlap. A shape inside
-// another one bounds a cavity only if one of the link's shapes is a mesh. A link that has only spheres keeps
-// them unmeasured, and several spheres get no mass properties. `options` holds for each link by itself: a
-// Length::share() is of the link's own diagonal. Its family and mask are not used. Bounds are against the
-// shapes themselves, and not only against the polyhedra that stand for round ones. Links are padded side by
-// side on all threads, with the same result for any number of threads. model.apart lists neighbours, and what
-// self_collisions() finds. A step of `progress` is a link. Throws Error, which names link and file.
+// The shapes of a link are one body, their union: a shape inside another one adds nothing. Where one of
+// several shapes is a mesh with a cavity of its own, other shapes inside it bound cavities, too. A link that
+// has only spheres keeps them unmeasured, and several spheres get no mass properties. `options` holds for
+// each link by itself: a Length::share() is of the link's own diagonal. Its family and mask are not used.
+// Bounds are against the shapes themselves, and not only against the polyhedra that stand for round ones.
+// Links are padded side by side on all threads, with the same result for any number of threads. model.apart
+// lists neighbours, and what self_collisions() finds. A step of `progress` is a link. Throws Error, which
+// names link and file.
 PaddedRobot pad_robot(const std::filesystem::path& file, RobotTree robot, const PadOptions& options,
                       const RobotOptions& whole = {}, const PadProgress& progress = {});
 PaddedRobot pad_robot(const std::filesystem::path& file, const PadOptions& options,

@@ -69,6 +69,7 @@ class MjcfReader {
     note_masses();
     if (!unlimited_.empty())
       note("joints that slide without limits, which random poses do not try: " + listed(unlimited_));
+    note_left_out();
     if (soft_ > 0) note("soft bodies (flex), which are left out: " + std::to_string(soft_));
     return std::move(robot_);
   }
@@ -215,24 +216,21 @@ class MjcfReader {
     const auto type = types.find(kind);
     if (type == types.end()) file_.fail(node, "\"" + excerpt(kind) + "\" is no type of joint");
     joint.type = type->second;
-    if (joint.type == Joint::Type::floating || joint.type == Joint::Type::ball) return joint;
-    const bool turns = joint.type == Joint::Type::continuous;
-    const double unit = turns ? file_.angle() : 1;
+    if (joint.type == Joint::Type::floating) return joint;
+    const bool turns = joint.type == Joint::Type::continuous, ball = joint.type == Joint::Type::ball;
+    const double unit = turns || ball ? file_.angle() : 1;
+    joint.damping = file_.numbers(e, "damping", 1, 3, {0})[0];
+    joint.friction = file_.number(e, "frictionloss", 0);
+    const auto range = file_.numbers(e, "range", 2, 2, {0, 0});
+    const bool limits = e.text("limited", "auto") != "false" && range[0] < range[1];
+    if (limits) joint.lower = unit * range[0], joint.upper = unit * range[1];
+    if (ball) return joint;
     const Vector axis = file_.vector(e, "axis", Vector::UnitZ());
     if (!(axis.norm() > 0)) file_.fail(node, "its axis has no length");
     joint.axis = axis.normalized();
-    joint.damping = file_.numbers(e, "damping", 1, 3, {0})[0];
-    joint.friction = file_.number(e, "frictionloss", 0);
     joint.reference = unit * file_.number(e, "ref", 0);
-    const auto range = file_.numbers(e, "range", 2, 2, {0, 0});
-    const std::string limited = e.text("limited", "auto");
-    const bool limits = limited != "false" && range[0] < range[1];
-    if (limits) {
-      joint.lower = unit * range[0], joint.upper = unit * range[1];
-      if (turns) joint.type = Joint::Type::revolute;
-    } else if (!turns) {
-      unlimited_.push_back(name);
-    }
+    if (limits && turns) joint.type = Joint::Type::revolute;
+    if (!limits && !turns) unlimited_.push_back(name);
     const auto force = file_.numbers(e, "actuatorfrcrange", 2, 2);
     if (!force.empty()) joint.effort = std::max(std::abs(force[0]), std::abs(force[1]));
     return joint;
@@ -277,7 +275,7 @@ class MjcfReader {
   RobotShape shape_of(const Geom& geom) const {
     const MjcfElement& e = geom.element;
     const xml_node node = e.levels[0];
-    const std::string mesh = e.text("mesh"), type = e.text("type", mesh.empty() ? "sphere" : "mesh");
+    const std::string mesh = e.text("mesh"), type = e.text("type", "sphere");
     RobotShape shape;
     const auto ends = file_.numbers(e, "fromto", 6, 6);
     const auto size = file_.numbers(e, "size", 1, 3, {0, 0, 0});
@@ -357,6 +355,7 @@ class MjcfReader {
     for (const std::size_t link : links_of_geoms())
       if (link > 0 && !robot_.model.bodies[link].inertial)  // the world has no mass
         (robot_.links[link].shapes.empty() ? bare : padded).push_back(robot_.links[link].name);
+    scale_masses(padded.empty() ? bare : padded);
     if (!padded.empty())
       note("bodies without <inertial>, whose mass follows from a density and not from their geoms: " +
            listed(padded));
@@ -365,6 +364,54 @@ class MjcfReader {
           "bodies without <inertial> and without spheres, which get no mass, though MuJoCo gives them that "
           "of their geoms: " +
           listed(bare));
+  }
+
+  // What the element, or an attribute of it, stands for that no format gets from here; "" for all else.
+  static std::vector<std::string> left_out(const xml_node& node) {
+    const std::string_view name = node.name(), parent = node.parent().name();
+    std::vector<std::string> out;
+    if (parent == "equality" && (name == "connect" || name == "weld"))
+      out.push_back("closed loops (connect, weld)");
+    if (parent == "actuator" && name != "motor") out.push_back("actuators other than motors");
+    if (parent == "tendon" || parent == "sensor") out.push_back(std::string(parent) + "s");
+    if (parent == "keyframe" || ((name == "site" || name == "camera") && parent != "default"))
+      out.push_back(std::string(parent == "keyframe" ? parent : name) + "s");
+    const auto stated = [&](std::initializer_list<const char*> attributes) {
+      for (const char* attribute : attributes)
+        if (node.attribute(attribute)) out.push_back(attribute);
+    };
+    if (name == "joint") stated({"stiffness", "springref", "armature"});
+    if (name == "option") stated({"gravity", "timestep"});
+    return out;
+  }
+
+  void note_left_out() {
+    struct Walker : pugi::xml_tree_walker {
+      std::set<std::string> found;
+      bool for_each(xml_node& node) override {
+        for (const std::string& words : left_out(node)) found.insert(words);
+        return true;
+      }
+    } walker;
+    file_.root().traverse(walker);
+    std::string all;
+    for (const std::string& words : walker.found) all += (all.empty() ? "" : ", ") + words;
+    if (!all.empty()) note("left out, since no link, joint or pair of links has it: " + all);
+  }
+
+  // Of masses that the file states: MuJoCo scales them to the sum that its compiler names.
+  void scale_masses(const std::vector<std::string>& unknown) {
+    const auto numbers = importing::numbers_in(file_.compiler("settotalmass", ""));
+    const double asked = numbers && numbers->size() == 1 ? numbers->front() : -1;
+    double sum = 0;
+    for (const Body& b : robot_.model.bodies) sum += b.inertial ? b.inertial->mass : 0;
+    if (!(asked > 0)) return;
+    if (!unknown.empty()) {
+      note("settotalmass, which is left out, since not all masses are stated");
+      return;
+    }
+    for (Body& b : robot_.model.bodies)
+      if (b.inertial && sum > 0) b.inertial->mass *= asked / sum, b.inertial->inertia *= asked / sum;
   }
 
   Joint* joint_named(const std::string& name) {
@@ -484,6 +531,7 @@ bool says_more_than_spheres(const xml_node& node) {
                       !node.next_sibling("body");
     return node.attribute("childclass") || (only && placed);
   }
+  if (name == "joint") return parent == "body";
   if (name != "geom") return more.contains(name);
   const bool sphere =
       node.attribute("type").as_string("sphere") == std::string_view("sphere") && !node.attribute("mesh");

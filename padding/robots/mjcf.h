@@ -18,8 +18,9 @@ namespace padder {
 //   degree 1 become mimics.
 // * Pairs: `exclude`, and bodies whose contype and conaffinity never match, are in model.apart ("User"),
 //   unless a `pair` lets geoms of theirs touch.
+// * Of the rest, as loops, tendons and sensors, a note lists what was left out.
 // * The file: default classes, childclass, `include`, `frame`, and of the compiler angle, eulerseq, meshdir,
-//   assetdir and strippath.
+//   assetdir, strippath and settotalmass.
 // * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets its mass from a density,
 //   not from its geoms, and none if it gets no spheres. A note says so.
 //
@@ -31,8 +32,8 @@ namespace padder {
 RobotTree read_mjcf(const std::filesystem::path& path, const RobotReadOptions& options = {});
 
 // Is it a robot to be padded, and not a file of spheres? A .urdf, a .xacro and a .xml are, in any case of
-// letters, but for an MJCF that says no more than which spheres its bodies have. A .xml that cannot be read
-// counts, too.
+// letters, but for an MJCF that says no more than which spheres its bodies have, and has no joint in a body.
+// A .xml that cannot be read counts, too.
 bool is_robot_file(const std::filesystem::path& path);
 
 // By read_mjcf if the file ends in .xml and is no URDF, otherwise by read_urdf.

@@ -68,6 +68,10 @@ class UrdfReader {
     note("joints that do not move, because their limits (0 where <limit> states none) leave only one place: ",
          locked);
     note("joints whose axis has no length are taken as fixed: ", axisless_);
+    note(
+        "links whose <inertial> lacks <mass> or the moments of <inertia>, so that both follow from a "
+        "density: ",
+        incomplete_);
     note("joints that mimic one that is not there are taken to follow none: ", leaderless_);
     order(robot);
     return robot;
@@ -171,7 +175,7 @@ class UrdfReader {
     }
     if (const std::size_t end = name.find(")/"); name.starts_with("$(find ") && end != std::string::npos)
       return {name.substr(7, end - 7), name.substr(end + 2)};
-    return {{}, uri ? fs::path(name) : home() / name};
+    return {{}, home() / name};  // which a name that begins with / replaces
   }
 
   std::vector<fs::path> places(const std::string& name) const {
@@ -240,27 +244,36 @@ class UrdfReader {
         shape.type = RobotShape::Type::sphere;
         shape.size = Vector::Constant(positive(sphere, "radius", where));
       } else {
-        fail(where + ": its geometry is none of mesh, box, cylinder, capsule, sphere");
+        const std::string unknown = geometry.first_child().name();
+        fail(where + ": its geometry is none of mesh, box, cylinder, capsule, sphere" +
+             (unknown.empty() ? "" : ", but <" + excerpt(unknown) + ">"));
       }
       link.shapes.push_back(std::move(shape));
     }
     const char* other = std::string_view(kind) == "collision" ? "visual" : "collision";
     if (link.shapes.empty() && node.child(other)) bare_.push_back(link.name);
-    if (const auto inertial = node.child("inertial")) {
-      const auto m = inertial.child("inertia");
-      const Eigen::Isometry3d frame = place(inertial.child("origin"), where);
-      Inertial i;
-      i.mass = one(inertial.child("mass"), "value", where);
-      i.center = frame.translation();
-      const char* names[3][3] = {{"ixx", "ixy", "ixz"}, {"ixy", "iyy", "iyz"}, {"ixz", "iyz", "izz"}};
-      for (int row = 0; row < 3; row++)
-        for (int column = 0; column < 3; column++)
-          if (const char* name = names[row][column]; row == column || m.attribute(name))
-            i.inertia(row, column) = one(m, name, where);
-      i.inertia = frame.linear() * i.inertia * frame.linear().transpose();
-      body.inertial = i;
-    }
+    if (const auto inertial = node.child("inertial")) add_inertial(inertial, where, body);
     links_.push_back(std::move(link)), bodies_.push_back(std::move(body)), parents_.push_back(-1);
+  }
+
+  // Isaac takes one without mass or moments, too, and computes what is missing.
+  void add_inertial(const pugi::xml_node& inertial, const std::string& where, Body& body) {
+    const auto mass = inertial.child("mass"), m = inertial.child("inertia");
+    if (!mass.attribute("value") || !m.attribute("ixx") || !m.attribute("iyy") || !m.attribute("izz")) {
+      incomplete_.push_back(body.name);
+      return;
+    }
+    const Eigen::Isometry3d frame = place(inertial.child("origin"), where);
+    Inertial i;
+    i.mass = one(mass, "value", where + ", <mass>");
+    i.center = frame.translation();
+    const char* names[3][3] = {{"ixx", "ixy", "ixz"}, {"ixy", "iyy", "iyz"}, {"ixz", "iyz", "izz"}};
+    for (int row = 0; row < 3; row++)
+      for (int column = 0; column < 3; column++)
+        if (const char* name = names[row][column]; m.attribute(name))
+          i.inertia(row, column) = one(m, name, where + ", <inertia>");
+    i.inertia = frame.linear() * i.inertia * frame.linear().transpose();
+    body.inertial = i;
   }
 
   void add_joint(const pugi::xml_node& node) {
@@ -364,7 +377,8 @@ class UrdfReader {
   std::map<std::string, std::size_t, std::less<>> index_;
   std::set<std::string> joint_names_;
   std::vector<std::string> axisless_, leaderless_;  // joints
-  std::vector<std::string> bare_;  // links that have no shapes of the kind asked for, but of the other
+  std::vector<std::string> incomplete_;  // links with an <inertial> that states no mass or no moments
+  std::vector<std::string> bare_;        // links that have no shapes of the kind asked for, but of the other
 };
 
 }  // namespace

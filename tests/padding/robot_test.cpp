@@ -331,7 +331,8 @@ TEST_F(RobotTest, AMeshIsFoundHoweverItIsWritten) {
   for (const std::string& name :
        {std::string("..\\meshes\\Tet.obj"), std::string("package://pkg\\meshes\\Tet.obj"),
         std::string("package:///pkg/meshes/Tet.obj"), std::string("file://$(find pkg)/meshes/Tet.obj"),
-        std::string("$(find pkg)/meshes/Tet.obj"), "file://localhost" + absolute, "file://" + absolute})
+        std::string("$(find pkg)/meshes/Tet.obj"), "file://localhost" + absolute, "file://" + absolute,
+        std::string("file://../meshes/Tet.obj")})
     EXPECT_EQ(read(name), "pkg/meshes/Tet.obj") << name;
   for (const std::string name : {"package://pkg/meshes/TET.obj", "../Meshes/tet.obj", "..\\meshes\\tet.OBJ"})
     EXPECT_TRUE(refuses([&] { read(name); }, "pkg/meshes/Tet.obj is there: write the name with")) << name;
@@ -372,6 +373,57 @@ TEST_F(RobotTest, ASphereInsideABoxIsNoCavityOfIt) {
   EXPECT_NEAR(both.volume_union, box.volume_union, 0.01 * box.volume_union);
   EXPECT_EQ(r.reports[1].steps.cavities, 0u);
   EXPECT_TRUE(both.accuracy.certified);
+}
+
+// The union of the shapes is the link, whatever they are. A cavity of a mesh stays one.
+TEST_F(RobotTest, AShapeInsideAMeshIsNoCavityOfIt) {
+  const auto box = [](double half, bool inward) {
+    std::string points, faces;
+    for (int k = 0; k < 8; k++)
+      points += "v " + std::to_string(k & 1 ? half : -half) + " " + std::to_string(k & 2 ? half : -half) +
+                " " + std::to_string(k & 4 ? half : -half) + "\n";
+    const int quads[6][4] = {{1, 3, 4, 2}, {5, 6, 8, 7}, {1, 2, 6, 5},
+                             {3, 7, 8, 4}, {1, 5, 7, 3}, {2, 4, 8, 6}};
+    for (const auto& q : quads) {
+      faces += "f";
+      for (int k = 0; k < 4; k++) faces += " " + std::to_string(q[inward ? 3 - k : k] - 9);
+      faces += "\n";
+    }
+    return points + faces;
+  };
+  fs::create_directories(folder_ / "pkg/urdf");
+  write_file(folder_ / "pkg/urdf/box.obj", box(0.5, false));
+  write_file(folder_ / "pkg/urdf/room.obj", box(0.5, false) + box(0.4, true));
+  const auto volume = [&](const std::string& mesh, const std::string& inside) {
+    PadOptions options{.effort = 0};
+    options.tolerance = Length::share(0.05);
+    const std::string outer = "<collision><geometry><mesh filename='" + mesh + "'/></geometry></collision>";
+    return pad_robot(urdf(link("a", outer + "<collision><geometry>" + inside + "</geometry></collision>")),
+                     options, {.poses = 0})
+        .model.bodies[0]
+        .cluster.mass.volume;
+  };
+  EXPECT_NEAR(volume("box.obj", "<box size='.6 .6 .6'/>"), 1, 1e-9);
+  EXPECT_NEAR(volume("box.obj", "<mesh filename='box.obj' scale='.5 .5 .5'/>"), 1, 1e-9);
+  EXPECT_NEAR(volume("room.obj", "<box size='.1 .1 2'/>"), 1 - 0.512 + 0.008 + 0.01, 1e-9);
+}
+
+TEST_F(RobotTest, AnIncompleteInertialCountsAsNone) {
+  for (const std::string inside :
+       {"<mass value='2'/>", "<density value='3'/>", "<inertia ixx='1' iyy='1' izz='1'/>",
+        "<mass value='2'/><inertia ixx='1'/>"}) {
+    const PaddedRobot r = pad_robot(urdf(link("a", "<inertial>" + inside + "</inertial>" + kBox)), coarse());
+    EXPECT_FALSE(r.model.bodies[0].inertial) << inside;
+    ASSERT_EQ(r.notes.size(), 1u);
+    EXPECT_NE(r.notes[0].find("lacks <mass> or the moments of <inertia>"), std::string::npos);
+    EXPECT_TRUE(read_urdf(write(r.model, "o.urdf")).model.bodies[0].inertial) << inside;
+  }
+  EXPECT_TRUE(refuses(
+      [&] {
+        read_urdf(
+            urdf(link("a", "<inertial><mass value='x'/><inertia ixx='1' iyy='1' izz='1'/></inertial>")));
+      },
+      "link a, <mass>: value wants a number"));
 }
 
 // What a link has does not depend on whether another one has it, too.
@@ -478,6 +530,7 @@ TEST_F(RobotTest, WhatIsWrongIsNamed) {
   faulty(link("a") + "<xacro:gripper parent='a'/>", "it holds <xacro:gripper>");
   faulty(link("a", "<collision><geometry><sphere/></geometry></collision>"),
          "a number is wanted as its radius");
+  faulty(link("a", "<collision><geometry><drake:capsule/></geometry></collision>"), "but <drake:capsule>");
   faulty(link("a", "<collision><geometry><sphere radius='x'/></geometry></collision>"),
          "radius wants a number, not \"x\"");
   const RobotTree u = read_urdf(

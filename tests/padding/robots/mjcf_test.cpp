@@ -252,6 +252,54 @@ TEST_F(MjcfTest, TheFirstPoseIsThatOfTheReferences) {
   mj_deleteModel(m);
 }
 
+TEST_F(MjcfTest, WhatNoFormatGetsIsListedInOneNote) {
+  const std::string bodies =
+      "<worldbody><body name='a'><joint name='j' armature='.3' stiffness='5' springref='1'/><site name='s'/>"
+      "<camera/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><geom type='box' size='1 1 "
+      "1'/></body></worldbody>";
+  const RobotTree r = read_mjcf(put(
+      "<option gravity='0 0 -1' timestep='.1'/>" + bodies +
+      "<equality><connect body1='a' anchor='0 0 0'/></equality><tendon><fixed name='t'/></tendon><actuator>"
+      "<position joint='j'/></actuator><sensor><jointpos joint='j'/></sensor><keyframe><key "
+      "qpos='0'/></keyframe>"));
+  ASSERT_EQ(r.notes.size(), 1u);
+  EXPECT_EQ(
+      r.notes[0],
+      "left out, since no link, joint or pair of links has it: actuators other than motors, armature, "
+      "cameras, "
+      "closed loops (connect, weld), gravity, keyframes, sensors, sites, springref, stiffness, tendons, "
+      "timestep");
+}
+
+TEST_F(MjcfTest, BallsKeepTheirRangeAndMassesTheirTotal) {
+  const auto inertial = [](int mass) {
+    return "<inertial pos='0 0 0' mass='" + std::to_string(mass) + "' diaginertia='1 1 1'/>";
+  };
+  const fs::path file =
+      put("<compiler settotalmass='10'/><worldbody><body name='a'><joint name='b' type='ball' range='0 90' "
+          "limited='true' damping='2' frictionloss='.5'/>" +
+          inertial(3) + "<geom type='box' size='.1 .1 .1'/><body name='c'>" + inertial(1) +
+          "</body></body></worldbody>");
+  PadOptions options;
+  options.tolerance = Length::share(0.1);
+  const PaddedRobot r = pad_robot(file, options);
+  EXPECT_EQ(r.model.bodies[1].inertial->mass, 7.5);
+  EXPECT_EQ(r.model.bodies[2].inertial->inertia(0, 0), 2.5);
+  write(r.model, "out.xml");
+  char error[1000] = "";
+  mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
+  ASSERT_NE(m, nullptr) << error;
+  EXPECT_TRUE(m->jnt_limited[0]);
+  EXPECT_NEAR(m->jnt_range[1], std::numbers::pi / 2, 1e-12);
+  EXPECT_EQ(m->dof_damping[2], 2);
+  EXPECT_EQ(m->dof_frictionloss[2], 0.5);
+  mj_deleteModel(m);
+  const RobotTree open =
+      read_mjcf(put("<compiler settotalmass='10'/><worldbody><body name='a'><geom type='box' "
+                    "size='1 1 1'/></body></worldbody>"));
+  EXPECT_NE(open.notes.at(0).find("settotalmass"), std::string::npos);
+}
+
 TEST_F(MjcfTest, WhatIsLeftOutIsCountedInNotes) {
   const RobotTree r = read_mjcf(
       put("<worldbody><geom type='plane' size='1 1 1'/><flexcomp name='cloth'/>"
@@ -273,6 +321,8 @@ TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
          "is not there"},
         {"<asset><mesh file='m.stl'/></asset><worldbody><geom type='box' mesh='m'/></worldbody>",
          "fitted to a mesh"},
+        {"<asset><mesh file='m.stl'/></asset><worldbody><geom mesh='m'/></worldbody>",
+         "a sphere that is fitted to a mesh"},
         {"<worldbody><geom class='none' size='1'/></worldbody>", "no default class \"none\""},
         {"<worldbody><geom size='x'/></worldbody>", "size takes at least 1 number"},
         {"<worldbody><geom size='1 2 3 4'/></worldbody>", "size takes"},
@@ -362,6 +412,9 @@ TEST_F(MjcfTest, SpheresThatSayMoreAreARobot) {
     EXPECT_TRUE(robot("<mujoco><worldbody>" + more + "</worldbody></mujoco>")) << more;
   EXPECT_TRUE(
       robot("<mujoco><default><geom size='.1'/></default><worldbody>" + plain + "</worldbody></mujoco>"));
+  EXPECT_TRUE(
+      robot("<mujoco><worldbody><body name='a'><geom size='.1'/><body name='b'><joint/><geom size='.1'/>"
+            "</body></body></worldbody></mujoco>"));
   EXPECT_TRUE(robot("<mujoco><include file='spheres.xml'/></mujoco>"));
   EXPECT_TRUE(robot("<robot name='r'><link name='l'/></robot>"));
 }
@@ -381,7 +434,8 @@ TEST_F(MjcfTest, APaddedRobotIsTheSameRobot) {
   PadOptions options;
   options.tolerance = Length::share(0.05);
   const PaddedRobot r = pad_robot(file, options);
-  EXPECT_FALSE(is_robot_file(write(r.model, "out.xml")));
+  EXPECT_TRUE(is_robot_file(write(r.model, "out.xml")));
+  EXPECT_EQ(read_mjcf(folder_ / "out.xml").links.size(), r.model.bodies.size());
   char error[1000] = "";
   mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
   ASSERT_NE(m, nullptr) << error;

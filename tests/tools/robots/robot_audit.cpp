@@ -12,8 +12,8 @@
 // which the errors are proved against; "patched" counts the pairs that the mesh without its patches would
 // make a fault of. What lies inside a link is asked of its closed parts: an open sheet has no inside.
 //
-// MuJoCo, where it is there, reads MODEL.xml: no contact with all joints at 0, and each geom stands in 100 of
-// the poses where the sphere does.
+// MuJoCo, where it is there, reads MODEL.xml: no contact where the joints stand at first, and each geom
+// stands in 100 of the poses where the sphere does.
 //
 // Prints one JSON object. Exit code 1: there was a fault, 2: the files cannot be compared.
 #include <fcl/geometry/bvh/BVH_model.h>
@@ -207,9 +207,8 @@ class Audit {
     std::vector<double> values;
     for (const Body& b : robot_.model.bodies) {
       double low = 0, high = 0;
-      if (b.joint.type == Joint::Type::continuous) low = -std::numbers::pi, high = std::numbers::pi;
-      if (b.joint.type == Joint::Type::revolute || b.joint.type == Joint::Type::prismatic)
-        low = b.joint.lower, high = std::max(b.joint.lower, b.joint.upper);
+      if (b.joint.turns()) low = -std::numbers::pi, high = std::numbers::pi;
+      if (b.joint.limited()) low = b.joint.lower, high = b.joint.upper;
       values.push_back(low == high ? low : std::uniform_real_distribution<>(low, high)(random));
     }
     return values;
@@ -298,11 +297,8 @@ class Mujoco {
     }
     return worst;
   }
-  int contacts_at_zero() {
+  int contacts_at_first() {
     mj_resetData(model_, data_);
-    for (int k = 0; k < model_->njnt; k++)
-      if (model_->jnt_type[k] == mjJNT_HINGE || model_->jnt_type[k] == mjJNT_SLIDE)
-        data_->qpos[model_->jnt_qposadr[k]] = 0;
     mj_forward(model_, data_);
     return data_->ncon;
   }
@@ -352,7 +348,7 @@ int run(const std::vector<std::string>& words) {
   Json mujoco;
 #ifdef PADDER_MUJOCO
   Mujoco robot(a[3]);
-  const int touching = robot.contacts_at_zero();
+  const int touching = robot.contacts_at_first();
   double error = 0;
   for (std::size_t k = 0; k < std::min<std::size_t>(100, values.size()); k++)
     error =
