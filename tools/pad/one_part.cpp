@@ -83,6 +83,8 @@ void check_robot_options(const CLI::App& app, const std::vector<std::string>& fi
                         ": the links of a robot get theirs from its joints, leave it out");
     return;
   }
+  // Its reader says that no robot is read from it, and what to do.
+  if (std::ranges::any_of(files, [](const std::string& file) { return file.ends_with(".sdf"); })) return;
   cli::refuse_options(
       app, {"--robot-spheres", "--visual", "--package-path", "--xacro", "--self-collision", "--joint"},
       " is for a robot, and " + cli::StreamFiles::spoken(files[0]) + " is none");
@@ -91,8 +93,12 @@ void check_robot_options(const CLI::App& app, const std::vector<std::string>& fi
 namespace {
 
 void make_folder_of(const fs::path& file) {
-  std::error_code code;  // if this fails, writing the file fails and names the reason
-  if (file.has_parent_path()) fs::create_directories(file.parent_path(), code);
+  if (!file.has_parent_path()) return;
+  std::error_code code;
+  fs::create_directories(file.parent_path(), code);
+  if (!fs::is_directory(file.parent_path()))  // known before the work, and not after it
+    throw Error("cannot write " + file.string() + ": its folder " + file.parent_path().string() +
+                " cannot be made (" + code.message() + ")");
 }
 
 }  // namespace
@@ -152,7 +158,8 @@ void note_outputs(const PadArguments& a, const std::string& file, const PadTarge
 
 Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& target,
              const PadProgress& progress, const std::function<void()>& done) {
-  make_folder_of(target.outputs[0].path), make_folder_of(target.preview);
+  for (const OutputFile& out : target.outputs) make_folder_of(out.path);
+  make_folder_of(target.mesh), make_folder_of(target.preview);
   const bool robot = is_robot(file), print = !a.json && !a.quiet;
   if (robot || is_sphere_file(file)) {
     Json report = robot ? run_robot(a, file, target, progress) : run_convert(a, file, target);
@@ -163,7 +170,6 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
   const Padded padded = pad_file(file, {a.scale, a.unit}, a.options, progress);
   std::vector<std::string> warnings = padded.report.warnings;
   for (const OutputFile& out : target.outputs) {
-    make_folder_of(out.path);
     if (!out.format) {
       write_cluster(padded.cluster, out.path);
       continue;
@@ -173,7 +179,6 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
   }
   target.tell_levels_left_out(!padded.cluster.lods.empty(), warnings);
   if (!target.mesh.empty()) {
-    make_folder_of(target.mesh);
     write_mesh(padded.mesh, target.mesh);
   }
   if (!target.preview.empty()) {
