@@ -63,4 +63,11 @@ MassProperties mass_properties(const Mesh& mesh) {
   return m;
 }
 
+bool possible(const MassProperties& m) {
+  const double most = m.moments.cwiseAbs().maxCoeff(), rounding = 1e-6;
+  const Eigen::Matrix3d inertia = m.axes * m.moments.asDiagonal() * m.axes.transpose();
+  return most > 0 && m.moments.minCoeff() >= -rounding * most && m.axes.determinant() > 0 &&
+         m.axes.isUnitary(rounding) && (inertia - m.inertia).cwiseAbs().maxCoeff() <= rounding * most;
+}
+
 }  // namespace padder

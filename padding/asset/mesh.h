@@ -83,4 +83,8 @@ struct MassProperties {
 // to the centre closes the surface.
 MassProperties mass_properties(const Mesh& mesh);
 
+// Could a body have these? Not with moments below 0, axes that are no rotation, or an inertia of others. A
+// file of spheres may have been changed by hand.
+bool possible(const MassProperties& m);
+
 }  // namespace padder

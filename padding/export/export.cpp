@@ -90,14 +90,6 @@ constexpr std::size_t kMujocoDeepest = 496, kOldMujocoDeepest = 96;
 // Does a body stand inside the one that it hangs on?
 bool nested(const Format& format) { return std::string_view(format.name) == "mujoco"; }
 
-// Could a body have these? A file of spheres may have been changed by hand.
-bool possible(const MassProperties& m) {
-  const double most = m.moments.cwiseAbs().maxCoeff(), rounding = 1e-6;
-  const Eigen::Matrix3d inertia = m.axes * m.moments.asDiagonal() * m.axes.transpose();
-  return most > 0 && m.moments.minCoeff() >= -rounding * most && m.axes.determinant() > 0 &&
-         m.axes.isUnitary(rounding) && (inertia - m.inertia).cwiseAbs().maxCoeff() <= rounding * most;
-}
-
 constexpr const char* kNoFilter = "take family 0 and mask 0 (--family 0 --mask 0)";
 
 void check(const Model& model, const Format& format, const std::string& where) {

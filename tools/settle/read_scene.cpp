@@ -52,7 +52,13 @@ double needed_at(const Place& r, const char* key) {
 // Of the material of density 1 in the frame of the cluster. A cluster without mass properties counts as if
 // its spheres did not overlap.
 MassProperties mass_of(const detect::Scene::Asset& asset) {
-  if (asset.mass.volume > 0) return asset.mass;
+  if (asset.mass.volume > 0) {
+    if (possible(asset.mass)) return asset.mass;
+    throw Error(
+        "cluster " + excerpt(asset.name) +
+        ": no body has its mass_properties (moments below 0, axes that are no rotation, or an inertia "
+        "of others): pad its mesh again, or leave them out");
+  }
   MassProperties m;
   for (const detect::Sphere& s : asset.rungs[0].spheres) {
     const double v = 4.0 / 3 * std::numbers::pi * s.r * s.r * s.r;

@@ -288,6 +288,14 @@ with tempfile.TemporaryDirectory() as folder:
     refused("--frames", "ball.json", "-o", "few.npz", "--frames", 1000001, code=2)
 
     # What is wrong is said in one sentence.
+    mass = {"volume": 1, "center": [0, 0, 0], "inertia": [[1, 0, 0], [0, 2, 0], [0, 0, 2]], "axes": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "moments": [1, 2, 2]}
+    for name, value in (("axes", [[0, 0, 0]] * 3), ("axes", [[2, 0, 0], [0, 2, 0], [0, 0, 2]]), ("axes", [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]),
+                        ("moments", [-1, 2, 2]), ("moments", [1, 2, 3])):
+        write("heavy.spheres.json", {**CLUSTER, "mass_properties": {**mass, name: value}})
+        write("heavy.json", {**scene_of(), "clusters": {"pill": "heavy.spheres.json"}})
+        refused("cluster pill: no body has its mass_properties", "heavy.json")
+    write("heavy.spheres.json", {**CLUSTER, "mass_properties": mass})
+    report("heavy.json", "--steps", 1)
     pills = scene_of(bodies=[{"body": 0, "velocity": [0, 0, 0.01], "driven": True}])
     pills["spheres"][0].update(family=[1, 2], mask=3)
     write("pills.json", pills)
