@@ -2,6 +2,7 @@
 // What every tool's main does around its work: it parses the arguments, runs the work, and turns every
 // failure into one sentence on stderr and an exit code (0 done, 1 the work failed, 2 wrong usage).
 #pragma once
+#include <fcntl.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -168,6 +169,25 @@ inline void end_with_a_sentence(const char* program) {
   });
 }
 
+// A program that was started with a closed standard stream would open its next file under that number, and
+// what it prints would go into the file. What takes the stream's place fails with an error, as the closed
+// one.
+inline void hold_standard_streams() {
+  int file = 0;
+  while (file >= 0 && file <= STDERR_FILENO) {
+    file = ::open("/dev/null", ::fcntl(STDIN_FILENO, F_GETFD) < 0 ? O_WRONLY : O_RDONLY);
+    if (file > STDERR_FILENO) ::close(file);
+  }
+}
+
+// About a name that the system refuses.
+inline std::string what_to_do(const std::error_code& code) {
+  if (code == std::errc::filename_too_long) return ": give it a shorter name";
+  if (code == std::errc::too_many_symbolic_link_levels)
+    return ": its links lead round in a circle: name the file itself";
+  return ": check the name, and that it may be read and written";
+}
+
 // What scripts pass to any program with --colour.
 inline constexpr const char* kWhenColoured[] = {"never", "auto", "always"};
 
@@ -175,6 +195,7 @@ inline constexpr const char* kWhenColoured[] = {"never", "auto", "always"};
 // happens after parsing: a tool with --json also prints it on stdout.
 inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>& work,
                const std::function<void(const std::string&)>& failed = {}) {
+  hold_standard_streams();
   std::string colour;
   if (!app.get_option_no_throw("--colour"))
     app.add_option("--colour,--color", colour,
@@ -223,7 +244,7 @@ inline int run(CLI::App& app, int argc, char** argv, const std::function<int()>&
   } catch (const std::bad_alloc&) {
     return fail_told(1, kNoMemory);
   } catch (const std::filesystem::filesystem_error& e) {
-    return fail_told(1, excerpt(e.path1().string()) + ": " + e.code().message());
+    return fail_told(1, excerpt(e.path1().string()) + ": " + e.code().message() + what_to_do(e.code()));
   } catch (const std::exception& e) {
     return fail_told(1, std::string("unexpected: ") + e.what());
   }

@@ -84,6 +84,23 @@ void limit(int resource, rlim_t most) {
   ::setrlimit(static_cast<__rlimit_resource>(resource), &now);
 }
 
+// Where a standard stream is closed, a pipe could take its number, and the child's dup2() would end the pipe.
+bool open_pipe(int (&ends)[2]) {
+  if (::pipe2(ends, O_CLOEXEC) != 0) return false;
+  for (int& end : ends)
+    if (end <= STDERR_FILENO) {
+      const int above = ::fcntl(end, F_DUPFD_CLOEXEC, STDERR_FILENO + 1), error = errno;
+      ::close(end), errno = error;
+      end = above;
+    }
+  if (ends[0] >= 0 && ends[1] >= 0) return true;
+  const int error = errno;
+  for (const int end : ends)
+    if (end >= 0) ::close(end);
+  errno = error;
+  return false;
+}
+
 // All that the child does. It never returns, runs no destructor of the parent and leaves no core file.
 [[noreturn]] void run_child(int end, const std::function<void()>& read,
                             const std::function<bool(ChildPipe&)>& send, std::size_t file_size) {
@@ -173,8 +190,7 @@ void in_child(const std::function<void()>& read, const std::function<bool(ChildP
               const std::string& where) {
   if (here) return read();
   int ends[2];
-  if (::pipe2(ends, O_CLOEXEC) != 0)
-    throw Error(where + ": no pipe to read it through: " + std::strerror(errno));
+  if (!open_pipe(ends)) throw Error(where + ": no pipe to read it through: " + std::strerror(errno));
   const pid_t child = ::fork();
   if (child == 0) ::close(ends[0]), run_child(ends[1], read, send, file_size);
   const int fork_error = errno;

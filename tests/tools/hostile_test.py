@@ -333,6 +333,21 @@ class HostileTest(unittest.TestCase):
             done = subprocess.run([BIN / "pad", "cube.obj", "--json", *QUICK], cwd=self.folder, stdout=full, stderr=subprocess.PIPE)
         self.assertEqual((done.returncode, done.stderr.count(b"\n")), (1, 1))
 
+    def test_standard_streams_that_are_closed(self):
+        self.put("cube.obj", CUBE), self.put("list", "cube.obj\n")
+        for words in (["cube.obj"], ["--manifest", "list", "-o", "out"], ["cube.obj", "-o", "-"]):
+            for closed in ((0,), (1,), (2,), (0, 1), (0, 1, 2)):
+                with self.subTest(words=words, closed=closed):
+                    done = self.tool("pad", *words, *QUICK, limit=lambda: [os.close(stream) for stream in closed])
+                    self.assertEqual(done.returncode, 1 if 1 in closed else 0, done.stderr)  # it cannot print what it has done
+                    if 1 in closed and 2 not in closed:
+                        self.assertIn(b"cannot write to the standard output", done.stderr)
+                    for made in (f for f in self.files() if f.endswith(".spheres.json")):
+                        json.loads((self.folder / made).read_text())
+                    self.assertFalse([f for f in self.files() if ".part" in f])
+        for made in ("cube.spheres.json", "out/cube.spheres.json"):
+            self.assertIn(made, self.files())
+
     def test_a_reader_that_ends_leaves_no_temporary_file(self):
         self.put("cube.obj", CUBE)
         self.works("pad", "cube.obj", "-q", *QUICK)

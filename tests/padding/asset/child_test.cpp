@@ -59,6 +59,23 @@ TEST(Child, WhateverHappensThereIsASentenceHere) {
   std::signal(SIGXCPU, SIG_DFL);
 }
 
+TEST(Child, ReadsWhereTheStandardStreamsAreClosed) {
+  const pid_t process = ::fork();
+  if (process == 0) {  // a process of its own, which needs none of them
+    for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) ::close(stream);
+    int got = 0;
+    try {
+      in_child([] {}, [](ChildPipe& pipe) { return pipe.put(7); },
+               [&](ChildPipe& pipe) { return pipe.get(got); }, 0, "t.fbx");
+    } catch (const Error&) {
+    }
+    ::_exit(got);
+  }
+  int status = 0;
+  ::waitpid(process, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 7) << status;
+}
+
 TEST(Child, ArraysComeBackAndTheirEndIsSeen) {
   const std::vector<double> sent(100000, 0.1);
   std::vector<double> back;
