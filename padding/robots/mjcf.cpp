@@ -242,6 +242,7 @@ class MjcfReader {
     const MjcfElement e{{node}};
     Inertial i;
     i.mass = file_.number(e, "mass", 0);
+    if (i.mass < 0) file_.fail(node, "its mass is below 0");
     i.center = file_.vector(e, "pos", Vector::Zero());
     const Eigen::Matrix3d turn = file_.orientation(e).toRotationMatrix();
     const auto f = file_.numbers(e, "fullinertia", 6, 6);

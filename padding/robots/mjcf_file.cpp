@@ -131,9 +131,10 @@ std::vector<double> MjcfFile::numbers(const MjcfElement& e, const char* name, st
     if (!attribute) continue;
     const auto own = importing::numbers_in(attribute.as_string());
     if (!own || own->size() < least || own->size() > most || !std::ranges::all_of(*own, finite))
-      fail(*level, std::string(name) + " takes " + (least == most ? "" : "at least ") +
-                       std::to_string(least) + (least == 1 ? " number" : " numbers") + ", not \"" +
-                       excerpt(attribute.as_string()) + '"');
+      fail(*level, std::string(name) + " takes " + std::to_string(least) +
+                       (least == most ? "" : " to " + std::to_string(most)) +
+                       (most == 1 ? " number" : " numbers") + ", not \"" + excerpt(attribute.as_string()) +
+                       '"');
     out.resize(std::max(out.size(), own->size()));
     std::ranges::copy(*own, out.begin());
   }
@@ -152,9 +153,12 @@ Vector MjcfFile::vector(const MjcfElement& e, const char* name, const Vector& ot
 Eigen::Quaterniond MjcfFile::orientation(const MjcfElement& e) const {
   // As in MuJoCo, where a class that has one of these counts even for an element that has a quat.
   for (const pugi::xml_node& level : e.levels) {
-    if (std::none_of(std::begin(kTurns), std::end(kTurns),
-                     [&](const char* name) { return level.attribute(name); }))
-      continue;
+    std::string turns = level.attribute("quat") ? "quat" : "";
+    bool another = false;
+    for (const char* name : kTurns)
+      if (level.attribute(name)) turns += (turns.empty() ? "" : " and ") + std::string(name), another = true;
+    if (!another) continue;
+    if (turns.find(' ') != std::string::npos) fail(level, "it has " + turns + ": leave one, as MuJoCo wants");
     const MjcfElement own{{level}};
     if (const auto a = numbers(own, "axisangle", 4, 4); !a.empty())
       return Eigen::Quaterniond(Eigen::AngleAxisd(a[3] * angle_, Vector(a[0], a[1], a[2]).normalized()));

@@ -1,9 +1,15 @@
 // SPDX-License-Identifier: MIT
 #include "padding/robots/urdf.h"
 
+#include <fcntl.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
-#include <cstdio>
+#include <csignal>
 #include <map>
 #include <optional>
 #include <pugixml.hpp>
@@ -21,6 +27,48 @@ namespace padder {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr std::size_t kMostExpanded = std::size_t(256) << 20;  // bytes that xacro may make of a file
+constexpr int kNotFound = 127;                                 // exit code, as a shell's
+
+struct ProgramOutput {
+  std::string text;
+  int code = -1;  // the exit code; -1 where the program did not end by itself
+  bool too_long = false;
+};
+
+// Runs a program and takes what it prints, up to `most` bytes. It ends with this process.
+ProgramOutput output_of(const std::vector<std::string>& words, std::size_t most) {
+  std::vector<char*> arguments;
+  for (const std::string& word : words) arguments.push_back(const_cast<char*>(word.c_str()));
+  arguments.push_back(nullptr);
+  ProgramOutput out;
+  int ends[2];
+  if (::pipe2(ends, O_CLOEXEC) != 0) return out;
+  const pid_t parent = ::getpid(), child = ::fork();
+  if (child == 0) {  // of a process with threads: only what a signal handler may call
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (::getppid() != parent || ::dup2(ends[1], STDOUT_FILENO) < 0) ::_exit(1);
+    ::execvp(arguments[0], arguments.data());
+    ::_exit(kNotFound);
+  }
+  ::close(ends[1]);
+  char part[65536];
+  ssize_t n = 1;
+  while (child > 0 && !out.too_long && n != 0) {
+    n = ::read(ends[0], part, sizeof part);
+    if (n < 0 && errno != EINTR) break;
+    if (n > 0) out.text.append(part, static_cast<std::size_t>(n));
+    out.too_long = out.text.size() > most;
+  }
+  ::close(ends[0]);
+  if (out.too_long) ::kill(child, SIGKILL);
+  int status = 0;
+  while (child > 0 && ::waitpid(child, &status, 0) < 0 && errno == EINTR) {
+  }
+  if (child > 0 && WIFEXITED(status)) out.code = WEXITSTATUS(status);
+  return out;
+}
 
 class UrdfReader {
  public:
@@ -78,32 +126,43 @@ class UrdfReader {
   }
 
  private:
-  static std::string quoted(const std::string& text) {  // for the shell
-    std::string out = "'";
-    for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return out + "'";
-  }
-
   // What the program xacro of ROS makes of the file.
   std::string expanded() const {
-    std::string command = "command -v xacro > /dev/null || exit 127; xacro " + quoted(path_.string());
-    for (const std::string& word : options_.xacro) command += " " + quoted(word);
-    FILE* pipe = popen(command.c_str(), "r");
-    std::string out;
-    char part[4096];
-    for (std::size_t n; pipe && (n = std::fread(part, 1, sizeof part, pipe)) > 0;) out.append(part, n);
-    const int status = pipe ? pclose(pipe) : -1;
-    constexpr int not_found = 127 << 8;  // as the shell says it
-    if (status == not_found)
+    std::vector<std::string> words{"xacro", path_.string()};
+    if (words[1].starts_with('-')) words[1].insert(0, "./");  // it is no option
+    words.insert(words.end(), options_.xacro.begin(), options_.xacro.end());
+    const ProgramOutput result = output_of(words, kMostExpanded);
+    if (result.too_long)
+      fail("xacro makes more than " + std::to_string(kMostExpanded >> 20) +
+           " MiB of it: look for a macro that calls itself");
+    if (result.code == kNotFound)
       fail(
           "the program xacro, which expands it, is not installed: install it (ROS's package xacro), or "
           "expand "
           "the file elsewhere and give the .urdf");
-    if (status != 0) fail("xacro cannot expand it, for the reason that it gave above");
-    return out;
+    if (result.code != 0) fail("xacro cannot expand it, for the reason that it gave above");
+    return result.text;
   }
 
   [[noreturn]] void fail(const std::string& what) const { throw Error(path_.string() + ": " + what); }
+
+  // An element of which there may be one: of several, all but the first would be lost.
+  pugi::xml_node only_child(const pugi::xml_node& node, const char* name, const std::string& where) const {
+    const pugi::xml_node child = node.child(name);
+    if (child.next_sibling(name))
+      fail(where + ": its <" + excerpt(node.name()) + "> has more than one <" + name + ">: leave one");
+    return child;
+  }
+  void check_shapes(const pugi::xml_node& geometry, const std::string& where) const {
+    pugi::xml_node found;
+    for (const char* name : {"mesh", "box", "cylinder", "capsule", "sphere"})
+      if (const pugi::xml_node shape = only_child(geometry, name, where)) {
+        if (found)
+          fail(where + ": its <geometry> has more than one shape, <" + excerpt(found.name()) + "> and <" +
+               name + ">: leave one, or write an element for each");
+        found = shape;
+      }
+  }
 
   // An empty attribute gives `otherwise`.
   Vector three(const pugi::xml_attribute& attribute, const Vector& otherwise,
@@ -217,9 +276,10 @@ class UrdfReader {
     if (link.name.empty()) fail("a <link> has no name");
     if (!index_.emplace(link.name, links_.size()).second) fail("two links are called " + excerpt(link.name));
     for (const auto& element : node.children(kind)) {
-      const pugi::xml_node geometry = element.child("geometry");
+      const pugi::xml_node geometry = only_child(element, "geometry", where);
+      check_shapes(geometry, where);
       RobotShape shape;
-      shape.pose = place(element.child("origin"), where);
+      shape.pose = place(only_child(element, "origin", where), where);
       if (const auto mesh = geometry.child("mesh")) {
         shape.file = found(mesh.attribute("filename").as_string(), where);
         shape.scale = three(mesh.attribute("scale"), Vector::Ones(), where);
@@ -252,20 +312,21 @@ class UrdfReader {
     }
     const char* other = std::string_view(kind) == "collision" ? "visual" : "collision";
     if (link.shapes.empty() && node.child(other)) bare_.push_back(link.name);
-    if (const auto inertial = node.child("inertial")) add_inertial(inertial, where, body);
+    if (const auto inertial = only_child(node, "inertial", where)) add_inertial(inertial, where, body);
     links_.push_back(std::move(link)), bodies_.push_back(std::move(body)), parents_.push_back(-1);
   }
 
   // Isaac takes one without mass or moments, too, and computes what is missing.
   void add_inertial(const pugi::xml_node& inertial, const std::string& where, Body& body) {
-    const auto mass = inertial.child("mass"), m = inertial.child("inertia");
+    const auto mass = only_child(inertial, "mass", where), m = only_child(inertial, "inertia", where);
     if (!mass.attribute("value") || !m.attribute("ixx") || !m.attribute("iyy") || !m.attribute("izz")) {
       incomplete_.push_back(body.name);
       return;
     }
-    const Eigen::Isometry3d frame = place(inertial.child("origin"), where);
+    const Eigen::Isometry3d frame = place(only_child(inertial, "origin", where), where);
     Inertial i;
     i.mass = one(mass, "value", where + ", <mass>");
+    if (i.mass < 0) fail(where + ": its mass is below 0: state one of at least 0");
     i.center = frame.translation();
     const char* names[3][3] = {{"ixx", "ixy", "ixz"}, {"ixy", "iyy", "iyz"}, {"ixz", "iyz", "izz"}};
     for (int row = 0; row < 3; row++)
@@ -291,6 +352,8 @@ class UrdfReader {
     if (type == types.end())
       fail(where + ": \"" + excerpt(node.attribute("type").as_string()) + "\" is no type of joint");
     joint.type = type->second;
+    for (const char* name : {"parent", "child", "origin", "axis", "limit", "dynamics", "mimic"})
+      only_child(node, name, where);
     const auto link = [&](const char* which) {
       const auto it = index_.find(node.child(which).attribute("link").as_string());
       if (it == index_.end())

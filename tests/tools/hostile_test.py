@@ -365,6 +365,46 @@ class HostileTest(unittest.TestCase):
             self.assertEqual((done.returncode, done.stderr), (-signal.SIGPIPE, b""), words)
             self.assertEqual(os.listdir(temporary), [], words)
 
+    def test_content_of_a_robot_that_would_be_lost(self):
+        box = '<geometry><box size="1 1 1"/></geometry>'
+        solid = f"<collision>{box}</collision>"
+        heavy = '<inertial><mass value="{}"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+
+        def joint(inside):
+            return f'<robot name="r"><link name="a">{solid}</link><link name="b">{solid}</link><link name="c">{solid}</link>' \
+                   f'<joint name="j" type="fixed">{inside}</joint><joint name="k" type="fixed"><parent link="a"/><child link="c"/></joint></robot>'
+        ends = '<parent link="a"/><child link="b"/>'
+        for what, text, says in (
+                ("geometries", robot(f'<collision>{box}<geometry><sphere radius="5"/></geometry></collision>'), "more than one <geometry>"),
+                ("boxes", robot('<collision><geometry><box size="1 1 1"/><box size="9 9 9"/></geometry></collision>'), "more than one <box>"),
+                ("shapes", robot('<collision><geometry><box size="1 1 1"/><sphere radius="9"/></geometry></collision>'), "more than one shape"),
+                ("origins", robot(f'<collision><origin/><origin xyz="1 0 0"/>{box}</collision>'), "more than one <origin>"),
+                ("inertials", robot(solid + heavy.format(1) + heavy.format(2)), "more than one <inertial>"),
+                ("negative", robot(solid + heavy.format(-1)), "mass is below 0"),
+                ("parents", joint(ends + '<parent link="c"/>'), "more than one <parent>"),
+                ("places", joint(ends + '<origin/><origin xyz="1 0 0"/>'), "more than one <origin>"),
+                ("robots", robot(solid) + robot(solid).split("?>")[1], "a second root element, <robot>"),
+                ("text", robot(solid) + "left over", "text outside of the root element: 'left over'"),
+                ("entity", robot(solid, '<!DOCTYPE r [<!ENTITY a "b">]>'), "entities (<!ENTITY) are not read"),
+                ("bytes", robot(solid).encode().replace(b'"a"', b'"a\xff\xfe"'), "not UTF-8"),
+                ("glued", robot('<collision><geometry><box size="1.5.5 1"/></geometry></collision>'), 'size wants three numbers, not "1.5.5 1"'),
+                ("dashed", robot(f'<collision><origin xyz="1-2-3"/>{box}</collision>'), 'xyz wants three numbers, not "1-2-3"')):
+            with self.subTest(what):
+                self.put("r.urdf", text)
+                self.sentence("pad", "r.urdf", *QUICK, says=says)
+        self.put("r.urdf", robot(f'<collision>{box.replace("1 1 1", " +1 1e0 1. ")}</collision>', "<!DOCTYPE r><!-- fine -->"))
+        self.works("pad", "r.urdf", *QUICK, "-q")
+        self.put("latin.urdf", robot(solid).replace("?>", ' encoding="ISO-8859-1"?>').encode().replace(b'"a"', b'"\xe4"'))
+        self.works("pad", "latin.urdf", *QUICK, "-q")
+        for inside, says in (('<body quat="1 0 0 0" euler="9 9 9"><geom size="1"/></body>', "it has quat and euler"),
+                             ('<body euler="9 9 9" zaxis="0 0 1"><geom size="1"/></body>', "it has euler and zaxis"),
+                             ('<body pos="0.1.2 3"><geom size="1"/></body>', 'pos takes 3 numbers, not "0.1.2 3"'),
+                             ('<body><geom type="box" size="1 1 1 junk"/></body>', 'size takes 1 to 3 numbers, not "1 1 1 junk"'),
+                             ('<body><inertial pos="0 0 0" mass="-1"/><geom type="box" size="1 1 1"/></body>', "mass is below 0")):
+            with self.subTest(inside):
+                self.put("m.xml", f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+                self.sentence("pad", "m.xml", *QUICK, "-o", "out.urdf", says=says)
+
     def test_a_kill_while_writing_leaves_no_half_asset(self):
         """As soon as something is written: under the final name there is the old file, or the new one as a whole."""
         self.put("cube.obj", CUBE)
