@@ -3,6 +3,7 @@
 #pragma once
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -18,16 +19,18 @@ namespace padder::cli {
 
 inline bool is_stream(const std::string& path) { return path == "-"; }
 
-// All of the standard input, if it takes no more than a quarter of the machine's memory: it may have no end.
-inline std::string read_stdin() {
-  const std::uint64_t most =
+// All of the standard input, if it takes no more than `limit` bytes and a quarter of the machine's memory: it
+// may have no end.
+inline std::string read_stdin(std::uint64_t limit = UINT64_MAX) {
+  const std::uint64_t quarter =
       std::uint64_t(::sysconf(_SC_PHYS_PAGES)) / 4 * std::uint64_t(::sysconf(_SC_PAGESIZE));
+  const std::uint64_t most = std::min(limit, quarter);
   std::string text, piece(std::size_t{1} << 20, 0);
   for (std::size_t n; (n = std::fread(piece.data(), 1, piece.size(), stdin)) > 0;) {
     text.append(piece, 0, n);
     if (text.size() > most)
-      throw Error("the standard input is longer than " + std::to_string(most >> 20) +
-                  " MiB, a quarter of this machine's memory: name a file instead");
+      throw Error("the standard input is longer than " + std::to_string(most >> 20) + " MiB" +
+                  (quarter < limit ? ", a quarter of this machine's memory" : "") + ": name a file instead");
   }
   if (std::ferror(stdin)) throw Error("the standard input cannot be read");
   if (text.empty()) throw Error("the standard input is empty");

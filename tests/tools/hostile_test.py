@@ -405,6 +405,29 @@ class HostileTest(unittest.TestCase):
                 self.put("m.xml", f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
                 self.sentence("pad", "m.xml", *QUICK, "-o", "out.urdf", says=says)
 
+    def test_a_manifest_may_not_name_what_pad_keeps(self):
+        self.put("cube.obj", CUBE)
+        for output, words, says in ((".pad/1-of-1.jsonl", [], "(.pad)"), ("./.pad/x", [], "(.pad)"), ("index.html", ["--page"], "(index.html)"),
+                                    (".", [], "no file below"), ("a/..", [], "no file below")):
+            with self.subTest(output):
+                self.put("list", f"cube.obj --format vtp -o {output}\n")
+                self.sentence("pad", "--manifest", "list", "-o", "out", *QUICK, *words, says=says, code=2)
+        self.assertEqual(self.files(), {"cube.obj", "list"})
+
+    def test_names_of_parts_are_shown_and_kept(self):
+        os.mkdir(self.folder / "parts")
+        self.put("parts/red\x1b[31m.obj", "junk")
+        done = self.tool("pad", "parts", "-o", "out", *QUICK)
+        self.assertEqual(done.returncode, 1)
+        self.assertNotIn(b"\x1b", done.stderr + done.stdout)
+        self.assertIn(b"red\\x1b[31m.obj", done.stderr)
+        (self.folder / "parts/red\x1b[31m.obj").unlink()
+        for name in (b"a\xff.obj", b"a\xfe.obj"):
+            with open(os.fsencode(self.folder) + b"/parts/" + name, "w") as f:
+                f.write(CUBE)
+        self.assertIn(b"2 made, 0 were up to date", self.works("pad", "parts", "-o", "out", *QUICK).stdout)
+        self.assertIn(b"0 made, 2 were up to date", self.works("pad", "parts", "-o", "out", *QUICK).stdout)
+
     def test_a_kill_while_writing_leaves_no_half_asset(self):
         """As soon as something is written: under the final name there is the old file, or the new one as a whole."""
         self.put("cube.obj", CUBE)

@@ -4,8 +4,6 @@
 #include <glob.h>
 
 #include <algorithm>
-#include <iostream>
-#include <iterator>
 #include <unordered_map>
 
 #include "padding/asset/crc32.h"
@@ -17,6 +15,7 @@
 #include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/pad/one_part.h"
+#include "tools/streams.h"
 
 namespace padder {
 
@@ -44,8 +43,7 @@ class List {
 
   void add_manifest() {
     const bool piped = a_.manifest == "-";
-    const std::string text =
-        piped ? std::string(std::istreambuf_iterator<char>(std::cin), {}) : read_file(a_.manifest, kMostText);
+    const std::string text = piped ? cli::read_stdin(kMostText) : read_file(a_.manifest, kMostText);
     const fs::path folder = piped ? fs::path() : fs::path(a_.manifest).parent_path();
     const std::string name = piped ? "the manifest on stdin" : a_.manifest;
     if (text.find('\0') != std::string::npos)
@@ -163,11 +161,21 @@ class List {
                        " is a folder, and a part of a list is one file: pad it by itself");
     const fs::path output =
         (own ? fs::path(a.output()) : place.parent_path() / output_name(mesh, format)).lexically_normal();
-    if (output.is_absolute() || *output.begin() == ".." || !output.has_filename())
+    if (output.is_absolute() || output == "." || *output.begin() == ".." || !output.has_filename())
       throw UsageError(where + ": its output " + output.string() +
                        " is no file below the output folder: give the line -o with a name below it");
     parts_.push_back({mesh, output.generic_string(), std::move(settings)}), where_.push_back(where);
     pairs_.push_back(pairs_file(mesh, {output, format}));
+    for (const fs::path& file : {output, pairs_.back()}) refuse_own(file, where);
+  }
+
+  // What pad itself keeps in the output folder.
+  void refuse_own(const fs::path& output, const std::string& where) const {
+    if (output.empty()) return;
+    const fs::path first = *output.begin();
+    if (first == ".pad" || (a_.page && first == "index.html"))
+      throw UsageError(where + ": its output " + output.string() + " is what pad itself writes there (" +
+                       first.string() + "): give the line -o with another name");
   }
 
   const PadArguments& a_;

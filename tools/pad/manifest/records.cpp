@@ -10,6 +10,7 @@
 #include <cstring>
 #include <fstream>
 
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/asset/json.h"
 #include "padding/input/read_internal.h"
@@ -22,6 +23,14 @@ using Json = nlohmann::ordered_json;
 namespace {
 
 constexpr auto kReplace = Json::error_handler_t::replace;  // the name of a file need not be UTF-8
+
+// The name of an output in a record. Were its bytes replaced, a later run would not find it.
+std::string name_in_record(const std::string& output) try {
+  (void)Json(output).dump();
+  return output;
+} catch (const Json::exception&) {
+  return excerpt(output, output.size());
+}
 
 // Calls each(key, value) for all that a record holds.
 template <class SomeRecord, class Each>
@@ -120,17 +129,19 @@ void Records::read(const fs::path& file) {
 
 const std::vector<Record>& Records::of(const std::string& output) const {
   static const std::vector<Record> none;
-  const auto it = known_.find(output);
+  const auto it = known_.find(name_in_record(output));
   return it == known_.end() ? none : it->second;
 }
 
 void Records::add(const Record& record) {
-  const std::string line = to_json(record).dump(-1, ' ', false, kReplace) + "\n";
+  Record named = record;
+  named.output = name_in_record(record.output);
+  const std::string line = to_json(named).dump(-1, ' ', false, kReplace) + "\n";
   const ssize_t written = ::write(file_, line.data(), line.size());
   if (written != static_cast<ssize_t>(line.size()))
     throw DiskError("cannot write " + path_.string() + " (" + std::strerror(written < 0 ? errno : ENOSPC) +
                     "): make room and start again");
-  known_[record.output].push_back(record);
+  known_[named.output].push_back(std::move(named));
 }
 
 void Records::close_in_child() {

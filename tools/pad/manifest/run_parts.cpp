@@ -10,6 +10,7 @@
 #include <set>
 #include <unordered_set>
 
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/input/read_internal.h"
 #include "tools/arguments.h"
@@ -193,7 +194,7 @@ class Run {
     if (fate == Fate::failed) {
       failed_++;
       bar_.clear();
-      std::fprintf(stderr, "pad: %s\n", record.error.c_str());
+      std::fprintf(stderr, "pad: %s\n", excerpt(record.error, 4000).c_str());
     } else {
       done_++, made_ += fate == Fate::made, spheres_ += record.spheres;
     }
@@ -210,6 +211,7 @@ class Run {
     if (result.answered) {
       const Json answer = Json::parse(result.answer);
       r = record_of(answer), disk = answer.contains("disk");
+      r.output = part.output, r.mesh = part.mesh;  // JSON holds no name that is not UTF-8
     } else {
       remove_partial_files_of(result);
       r.error = part.mesh + ": " + result.answer;
@@ -238,7 +240,7 @@ class Run {
     if (stopped > 0) end = std::string("ended by signal ") + std::to_string(stopped);
     if (!end.empty())
       std::fprintf(stderr, "pad: stopped with %zu of %s left: %s; the same command goes on from here\n", left,
-                   cli::counted(parts_.size(), "part").c_str(), end.c_str());
+                   cli::counted(parts_.size(), "part").c_str(), excerpt(end, 4000).c_str());
     if (!a_.json && !a_.quiet) {
       std::printf("%s: %zu made, %zu were up to date, %zu failed",
                   cli::counted(parts_.size(), "part").c_str(), made_, done_ - made_, failed_);
