@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
+#include <iterator>
 #include <map>
 #include <pugixml.hpp>
 
@@ -48,9 +49,10 @@ class ThreeMfReader {
     const pugi::xml_node model = part(root).child("model");
     read_unit(model);
     const pugi::xml_node build = model.child("build");
-    double faces = 0;
-    for (const pugi::xml_node& item : build.children("item")) faces += triangles(object_of(root, item), 0);
-    check_counts(0, static_cast<std::uint64_t>(std::min(faces, 1e18)), where_);
+    Counts all;
+    for (const pugi::xml_node& item : build.children("item")) all += counts(object_of(root, item), 0);
+    const auto whole = [](double count) { return static_cast<std::uint64_t>(std::min(count, 1e18)); };
+    check_counts(whole(all.points), whole(all.faces), where_);
     for (const pugi::xml_node& item : build.children("item")) add(object_of(root, item), transform_of(item));
     if (!build.child("item")) refuse("nothing is to be built: its <build> has no <item>, export it again");
     for (const auto& [what, count] : left_out_)
@@ -148,18 +150,24 @@ class ThreeMfReader {
     return {name, it->second};
   }
 
-  // The number of triangles of an object with its components. A small file may build more than any memory
-  // holds, so they are counted first.
-  double triangles(const Object& object, int depth) {
+  struct Counts {
+    double points = 0, faces = 0;
+    void operator+=(const Counts& more) { points += more.points, faces += more.faces; }
+  };
+
+  // Of an object with its components. A small file may build more than any memory holds, so they are counted
+  // first.
+  Counts counts(const Object& object, int depth) {
     if (depth > 64) refuse("its components contain each other: export it again");
-    const auto known = triangles_.find(object.node);
-    if (known != triangles_.end()) return known->second;
-    double count = 0;
-    for (const pugi::xml_node& t : object.node.child("mesh").child("triangles").children("triangle"))
-      count += t ? 1 : 0;
+    const auto known = counts_.find(object.node);
+    if (known != counts_.end()) return known->second;
+    const pugi::xml_node mesh = object.node.child("mesh");
+    const auto number = [](const auto& nodes) { return double(std::distance(nodes.begin(), nodes.end())); };
+    Counts all{number(mesh.child("vertices").children("vertex")),
+               number(mesh.child("triangles").children("triangle"))};
     for (const pugi::xml_node& c : object.node.child("components").children("component"))
-      count += triangles(object_of(object.path, c), depth + 1);
-    return triangles_[object.node] = count;
+      all += counts(object_of(object.path, c), depth + 1);
+    return counts_[object.node] = all;
   }
 
   void add(const Object& object, const Transform& transform) {
@@ -171,6 +179,8 @@ class ThreeMfReader {
       left_out_["supports"]++;
       return;
     }
+    // Components of components that hold nothing could be walked through without end.
+    if (const Counts& all = counts_.at(object.node); all.points == 0 && all.faces == 0) return;
     if (const pugi::xml_node mesh = object.node.child("mesh"))
       add_mesh(mesh, transform, "object '" + excerpt(object.node.attribute("id").value()) + "'");
     for (const pugi::xml_node& c : object.node.child("components").children("component"))
@@ -209,7 +219,7 @@ class ThreeMfReader {
   const std::string& where_;
   std::map<std::string, pugi::xml_document> parts_;
   std::map<std::pair<std::string, std::string>, pugi::xml_node> objects_;  // by part and id
-  std::map<pugi::xml_node, double> triangles_;
+  std::map<pugi::xml_node, Counts> counts_;
   std::map<std::string, int> left_out_;
   double factor_ = 1;
   Soup soup_;

@@ -414,6 +414,20 @@ class HostileTest(unittest.TestCase):
                 self.sentence("pad", "--manifest", "list", "-o", "out", *QUICK, *words, says=says, code=2)
         self.assertEqual(self.files(), {"cube.obj", "list"})
 
+    def test_components_that_multiply_one_another(self):
+        rels = '<Relationships><Relationship Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
+        triangle = '<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>{}</mesh>'
+        for name, mesh, says in (("nothing", "", ""), ("vertices", triangle.format(""), "points"),
+                                 ("triangles", triangle.format('<triangles><triangle v1="0" v2="1" v3="2"/></triangles>'), "triangles")):
+            objects = f'<object id="0">{mesh}</object>' + "".join(
+                f'<object id="{k}"><components>' + f'<component objectid="{k - 1}"/>' * 10 + "</components></object>" for k in range(1, 13))
+            with zipfile.ZipFile(self.folder / "a.3mf", "w") as z:
+                z.writestr("_rels/.rels", rels)
+                z.writestr("3D/3dmodel.model", f'<model><resources>{objects}</resources><build><item objectid="12"/></build></model>')
+            begin = time.monotonic()
+            self.sentence("pad", "a.3mf", says=says)
+            self.assertLess(time.monotonic() - begin, 10, name)
+
     def test_names_of_parts_are_shown_and_kept(self):
         os.mkdir(self.folder / "parts")
         self.put("parts/red\x1b[31m.obj", "junk")
