@@ -14,6 +14,7 @@
 #include <optional>
 #include <pugixml.hpp>
 #include <set>
+#include <sstream>
 
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
@@ -146,12 +147,22 @@ class UrdfReader {
 
   [[noreturn]] void fail(const std::string& what) const { throw Error(path_.string() + ": " + what); }
 
-  // An element of which there may be one: of several, all but the first would be lost.
+  static std::string text_of(const pugi::xml_node& node) {
+    std::ostringstream text;
+    node.print(text, "", pugi::format_raw);
+    return text.str();
+  }
+  // Of several elements where one may be, all but the first would be lost, unless they say the same.
+  static bool has_others(const pugi::xml_node& node, const char* name) {
+    const pugi::xml_node first = node.child(name);
+    for (pugi::xml_node more = first; (more = more.next_sibling(name));)
+      if (text_of(more) != text_of(first)) return true;
+    return false;
+  }
   pugi::xml_node only_child(const pugi::xml_node& node, const char* name, const std::string& where) const {
-    const pugi::xml_node child = node.child(name);
-    if (child.next_sibling(name))
+    if (has_others(node, name))
       fail(where + ": its <" + excerpt(node.name()) + "> has more than one <" + name + ">: leave one");
-    return child;
+    return node.child(name);
   }
   void check_shapes(const pugi::xml_node& geometry, const std::string& where) const {
     pugi::xml_node found;
@@ -312,7 +323,10 @@ class UrdfReader {
     }
     const char* other = std::string_view(kind) == "collision" ? "visual" : "collision";
     if (link.shapes.empty() && node.child(other)) bare_.push_back(link.name);
-    if (const auto inertial = only_child(node, "inertial", where)) add_inertial(inertial, where, body);
+    if (has_others(node, "inertial"))  // robots that are in use have it
+      robot.notes.push_back(link.name +
+                            ": it has more than one <inertial>, of which the first counts, as in ROS");
+    if (const auto inertial = node.child("inertial")) add_inertial(inertial, where, body);
     links_.push_back(std::move(link)), bodies_.push_back(std::move(body)), parents_.push_back(-1);
   }
 

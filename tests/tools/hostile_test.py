@@ -379,7 +379,6 @@ class HostileTest(unittest.TestCase):
                 ("boxes", robot('<collision><geometry><box size="1 1 1"/><box size="9 9 9"/></geometry></collision>'), "more than one <box>"),
                 ("shapes", robot('<collision><geometry><box size="1 1 1"/><sphere radius="9"/></geometry></collision>'), "more than one shape"),
                 ("origins", robot(f'<collision><origin/><origin xyz="1 0 0"/>{box}</collision>'), "more than one <origin>"),
-                ("inertials", robot(solid + heavy.format(1) + heavy.format(2)), "more than one <inertial>"),
                 ("negative", robot(solid + heavy.format(-1)), "mass is below 0"),
                 ("parents", joint(ends + '<parent link="c"/>'), "more than one <parent>"),
                 ("places", joint(ends + '<origin/><origin xyz="1 0 0"/>'), "more than one <origin>"),
@@ -394,6 +393,9 @@ class HostileTest(unittest.TestCase):
                 self.sentence("pad", "r.urdf", *QUICK, says=says)
         self.put("r.urdf", robot(f'<collision>{box.replace("1 1 1", " +1 1e0 1. ")}</collision>', "<!DOCTYPE r><!-- fine -->"))
         self.works("pad", "r.urdf", *QUICK, "-q")
+        # Robots that are in use say the same twice, or have two <inertial>: a note tells which counts.
+        self.put("two.urdf", robot(f'<collision><origin xyz="1 0 0"/><origin xyz="1 0 0"/>{box}</collision>' + heavy.format(1) + heavy.format(2)))
+        self.assertIn(b"a: it has more than one <inertial>, of which the first counts", self.works("pad", "two.urdf", *QUICK).stdout)
         self.put("latin.urdf", robot(solid).replace("?>", ' encoding="ISO-8859-1"?>').encode().replace(b'"a"', b'"\xe4"'))
         self.works("pad", "latin.urdf", *QUICK, "-q")
         for inside, says in (('<body quat="1 0 0 0" euler="9 9 9"><geom size="1"/></body>', "it has quat and euler"),
@@ -413,6 +415,39 @@ class HostileTest(unittest.TestCase):
                 self.put("list", f"cube.obj --format vtp -o {output}\n")
                 self.sentence("pad", "--manifest", "list", "-o", "out", *QUICK, *words, says=says, code=2)
         self.assertEqual(self.files(), {"cube.obj", "list"})
+
+    def test_streams_without_end(self):
+        with open("/dev/zero") as zero:
+            done = subprocess.run([BIN / "pad", "--manifest", "-", "-o", "out"], cwd=self.folder, stdin=zero, capture_output=True, timeout=60,
+                                  preexec_fn=lambda: SANITIZERS or resource.setrlimit(resource.RLIMIT_AS, (4 * GIB,) * 2))
+        self.assertEqual((done.returncode, done.stderr.count(b"\n")), (1, 1))
+        self.assertIn(b"the standard input is longer than 1024 MiB", done.stderr)
+
+        def program(script):
+            self.put("xacro", "#!/bin/sh\n" + script)
+            os.chmod(self.folder / "xacro", 0o755)
+        path = {"limit": lambda: os.environ.update(PATH=f"{self.folder}:{os.environ['PATH']}")}
+        self.put("-o.xacro", "")
+        program("exec yes")
+        self.sentence("pad", "--", "-o.xacro", *[], says="xacro makes more than 256 MiB", **path)
+        program(f'[ "$1" = ./-o.xacro ] && cat <<X\n{robot("<collision><geometry><box size=" + chr(34) + "1 1 1" + chr(34) + "/></geometry></collision>")}\nX\n')
+        self.works("pad", *QUICK, "--", "-o.xacro", **path)
+        program("exit 3")
+        self.sentence("pad", "--", "-o.xacro", says="xacro cannot expand it", **path)
+        # It ends with its parent.
+        program("echo $$ > number; exec sleep 60")
+        run = subprocess.Popen([BIN / "pad", "--", "-o.xacro"], cwd=self.folder, env={**os.environ, "PATH": f"{self.folder}:{os.environ['PATH']}"})
+        number = self.folder / "number"
+        while not number.exists() or not number.read_text().strip():
+            time.sleep(0.01)
+        run.kill(), run.wait()
+        state = pathlib.Path(f"/proc/{number.read_text().strip()}/stat")
+        for _ in range(500):
+            if not state.exists() or state.read_text().split()[2] == "Z":
+                break
+            time.sleep(0.01)
+        else:
+            self.fail("xacro runs on without pad")
 
     def test_components_that_multiply_one_another(self):
         rels = '<Relationships><Relationship Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
