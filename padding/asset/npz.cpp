@@ -266,8 +266,11 @@ std::string npz_bytes(const Npz& arrays) {
 }
 
 std::vector<ZipEntry> zip_entries(std::string_view in, const std::string& where) {
-  const auto end = in.rfind("PK\x05\x06");
-  if (end == std::string_view::npos)
+  // The end record has 22 bytes, and a comment of up to 65535 behind it. A file may be terabytes of nothing.
+  constexpr std::size_t kLongestEnd = 22 + 65535;
+  const std::size_t before = in.size() - std::min(in.size(), kLongestEnd);
+  const std::size_t found = in.substr(before).rfind("PK\x05\x06"), end = before + found;
+  if (found == std::string_view::npos)
     throw Error(where +
                 ": it is no zip archive, or cut short: check that the file has the ending of its format");
   std::uint64_t files = get(in, end + 10, 2, where), at = get(in, end + 16, 4, where);

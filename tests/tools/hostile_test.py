@@ -449,6 +449,15 @@ class HostileTest(unittest.TestCase):
         else:
             self.fail("xacro runs on without pad")
 
+    def test_a_sparse_archive_is_searched_at_its_end(self):
+        self.put("a.npz", "")
+        os.truncate(self.folder / "a.npz", 200 * GIB)
+        begin = time.monotonic()
+        done = subprocess.run([BIN / "detect", "a.npz", "--memory", "1G"], cwd=self.folder, capture_output=True, timeout=60)
+        self.assertEqual(done.returncode, 1)
+        self.assertIn(b"no zip archive", done.stderr)
+        self.assertLess(time.monotonic() - begin, 10)
+
     def test_components_that_multiply_one_another(self):
         rels = '<Relationships><Relationship Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
         triangle = '<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>{}</mesh>'
