@@ -15,7 +15,7 @@ namespace padder {
 // plane across the polygon's normal. A simple polygon that is about flat is filled without folds, whether it
 // is convex or not. One that crosses itself or has no area still gives n - 2 triangles, some of them folded
 // or without area. A quad is cut along the diagonal that keeps the smaller angle larger. Takes n log n steps
-// for a convex polygon, and at worst n times the number of reflex corners.
+// for a convex polygon. The reflex corners stand in a grid, so that a comb or a star takes hardly more.
 void triangulate_polygon(std::span<const Point> polygon,
                          std::vector<std::array<std::uint32_t, 3>>& triangles);
 

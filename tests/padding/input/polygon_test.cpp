@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <ctime>
 #include <map>
 #include <numbers>
 #include <random>
@@ -139,6 +140,19 @@ TEST(Polygon, ManyCorners) {
   comb.emplace_back(499, -1, 0), comb.emplace_back(0, -1, 0);
   std::reverse(comb.begin(), comb.end());
   expect_filling(comb);
+}
+
+TEST(Polygon, HalfOfManyCornersMayBeReflex) {  // with a look at all of them for each ear it took more than 40 s
+  std::vector<Point> star;
+  for (int k = 0; k < 100000; k++) {
+    const double a = 2 * std::numbers::pi * k / 100000, r = k % 2 ? 1 : 0.5;
+    star.emplace_back(r * std::cos(a), r * std::sin(a), 0);
+  }
+  const std::clock_t began = std::clock();  // of this process: other programs may be at work
+  Triangles triangles;
+  triangulate_polygon(star, triangles);
+  EXPECT_EQ(triangles.size(), star.size() - 2);
+  EXPECT_LT(double(std::clock() - began) / CLOCKS_PER_SEC, 10);
 }
 
 }  // namespace
