@@ -3,13 +3,16 @@
 // result.
 #pragma once
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <cerrno>
 #include <filesystem>
 #include <string>
 #include <system_error>
 #include <unordered_map>
 #include <unordered_set>
 
+#include "padding/asset/error.h"
 #include "tools/cli.h"
 
 namespace padder::cli {
@@ -47,5 +50,24 @@ class RunFiles {
   std::unordered_set<std::string> read_;
   std::unordered_map<std::string, std::string> written_;  // to the owner
 };
+
+// Throws Error where the folder of `file` is not there or may not be written: at the end of a long run that
+// would be too late. Of folders that the run makes, the first that is there above them counts.
+inline void check_writable(const std::filesystem::path& file, bool makes_folders = false) {
+  struct stat about {};
+  if (::stat(file.c_str(), &about) == 0 && S_ISDIR(about.st_mode))
+    throw Error("cannot write " + file.string() + ": it is a folder, so name a file");
+  std::error_code code;
+  std::filesystem::path folder = std::filesystem::absolute(file, code).parent_path();
+  int error = 0;
+  while (::stat(folder.c_str(), &about) != 0 && error == 0)
+    if (error = errno; makes_folders && error == ENOENT && folder.has_relative_path())
+      folder = folder.parent_path(), error = 0;
+  if (error == 0 && !S_ISDIR(about.st_mode)) error = ENOTDIR;
+  if (error == 0 && ::access(folder.c_str(), W_OK | X_OK) != 0) error = errno;
+  if (error != 0)
+    throw Error("cannot write " + file.string() + " (" + std::generic_category().message(error) +
+                "): check that the folder exists, may be written and has room");
+}
 
 }  // namespace padder::cli

@@ -486,6 +486,27 @@ class HostileTest(unittest.TestCase):
         self.assertIn(b"2 made, 0 were up to date", self.works("pad", "parts", "-o", "out", *QUICK).stdout)
         self.assertIn(b"0 made, 2 were up to date", self.works("pad", "parts", "-o", "out", *QUICK).stdout)
 
+    def test_what_cannot_be_written_is_said_before_the_work(self):
+        drop = self.as_nobody()
+        self.put("cube.obj", CUBE)
+        self.works("pad", "cube.obj", "-q", *QUICK)
+        self.put("long.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}],
+                                          "settle": {"time_step": 1e-6, "duration": 1e6}}))
+        os.mkdir(self.folder / "closed"), os.chmod(self.folder / "closed", 0o555)
+        heavy = ["pad", "cube.obj", "--depth", "0.1", "--edge-length", "0.1%"]
+        for words in (["settle", "long.json", "-o", "{}/a.npz"], ["settle", "long.json", "-o", "{}/a.html"], ["settle", "long.json", "--checkpoint", "{}/a.npz"],
+                      ["detect", "cube.spheres.json", "--copies", "200000", "-o", "{}/a.csv"], [*heavy, "-o", "{}/a.spheres.json"],
+                      [*heavy, "--preview", "{}/a.png"], [*heavy, "--write-mesh", "{}/a.obj"]):
+            for folder in ("closed", *(() if words[0] == "pad" else ("absent",)), "cube.obj"):
+                with self.subTest(words=words, folder=folder):
+                    begin = time.monotonic()
+                    self.sentence(*[word.format(folder) for word in words], says=f"cannot write {folder}/a", limit=drop)
+                    self.assertLess(time.monotonic() - begin, 10)
+        for name in ("bad.urdf", "bad.obj"):
+            self.put(name, robot('<collision><geometry><box size="1 1"/></geometry></collision>'))
+            self.sentence("pad", name, "-o", "fresh/", *QUICK)
+            self.assertFalse((self.folder / "fresh").exists())
+
     def test_a_kill_while_writing_leaves_no_half_asset(self):
         """As soon as something is written: under the final name there is the old file, or the new one as a whole."""
         self.put("cube.obj", CUBE)

@@ -263,11 +263,15 @@ int run(Arguments& a) {
     throw UsageError("- is stdin or stdout of one process, and there are several ranks: name files");
   if (!printed && !a.format.empty())
     throw UsageError("--format is for -o -: the ending of a file tells its format");
+  if (a.copies > 0 && (a.scene.ends_with(".npy") || a.scene.ends_with(".npz")))
+    throw UsageError("--copies is for a cluster, and " + a.scene + " is a file of spheres: leave it out");
   const std::string ending = std::filesystem::path(a.output).extension().string();
   if (!printed && !a.output.empty() && (ending.empty() || !format_names().contains(ending.substr(1))))
     throw UsageError("cannot tell the format of " + a.output + ": end it with .csv, .npz, .vtp or .npy");
   // The nine stages and a margin are always exact.
   if (a.path.value() == Path::nine_stages || a.options.margin > 0) a.precision.word = "exact";
+  if (!printed && !a.output.empty() && launch_of_environment().ranks <= 1)
+    padder::cli::check_writable(a.output);
   if (printed) a.quiet = true, a.output = files.output("contacts." + a.format);
   const int code = find_contacts(a);
   files.deliver();
@@ -330,6 +334,12 @@ int main(int argc, char** argv) {
             arguments.path.value() != padder::detect::Path::nine_stages)
           throw padder::cli::UsageError(
               "--stages prints the nine stages, which --path fast leaves out: leave out one of both");
+        if (app.count("--precision") > 0 &&
+            arguments.precision.value() == padder::detect::Precision::float32 &&
+            arguments.path.value() == padder::detect::Path::nine_stages)
+          throw padder::cli::UsageError(
+              "--precision fast is of the fast path, and the nine stages are always exact: leave out one of "
+              "both");
         if (!memory.empty()) arguments.memory = *padder::cli::bytes_of(memory);
         return padder::tool::run(arguments);
       },

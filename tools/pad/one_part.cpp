@@ -90,19 +90,6 @@ void check_robot_options(const CLI::App& app, const std::vector<std::string>& fi
       " is for a robot, and " + cli::StreamFiles::spoken(files[0]) + " is none");
 }
 
-namespace {
-
-void make_folder_of(const fs::path& file) {
-  if (!file.has_parent_path()) return;
-  std::error_code code;
-  fs::create_directories(file.parent_path(), code);
-  if (!fs::is_directory(file.parent_path()))  // known before the work, and not after it
-    throw Error("cannot write " + file.string() + ": its folder " + file.parent_path().string() +
-                " cannot be made (" + code.message() + ")");
-}
-
-}  // namespace
-
 fs::path pairs_file(const std::string& input, const OutputFile& output) {
   if (!output.is("urdf") || !(is_robot(input) || is_sphere_file(input)))
     return {};  // a mesh is one body, without pairs
@@ -158,8 +145,6 @@ void note_outputs(const PadArguments& a, const std::string& file, const PadTarge
 
 Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& target,
              const PadProgress& progress, const std::function<void()>& done) {
-  for (const OutputFile& out : target.outputs) make_folder_of(out.path);
-  make_folder_of(target.mesh), make_folder_of(target.preview);
   const bool robot = is_robot(file), print = !a.json && !a.quiet;
   if (robot || is_sphere_file(file)) {
     Json report = robot ? run_robot(a, file, target, progress) : run_convert(a, file, target);
@@ -169,6 +154,7 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
   }
   const Padded padded = pad_file(file, {a.scale, a.unit}, a.options, progress);
   std::vector<std::string> warnings = padded.report.warnings;
+  target.make_folders();  // not before: where nothing is made, no empty folder stays
   for (const OutputFile& out : target.outputs) {
     if (!out.format) {
       write_cluster(padded.cluster, out.path);
@@ -178,9 +164,7 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
       warnings.push_back(std::move(sentence));
   }
   target.tell_levels_left_out(!padded.cluster.lods.empty(), warnings);
-  if (!target.mesh.empty()) {
-    write_mesh(padded.mesh, target.mesh);
-  }
+  if (!target.mesh.empty()) write_mesh(padded.mesh, target.mesh);
   if (!target.preview.empty()) {
     View view = view_of(padded.cluster, mesh_of(padded.cluster, target.outputs[0].path, file));
     view.marks = padded.marks;

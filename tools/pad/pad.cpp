@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/meshing/write_mesh.h"
 #include "padding/view/page.h"
 #include "tools/arguments.h"
@@ -101,6 +102,13 @@ std::vector<PadTarget> targets(const PadArguments& a, const std::map<std::string
     out.push_back(t);
   }
   for (std::size_t k = 0; k < out.size(); k++) note_outputs(a, a.meshes[k], out[k], files);
+  for (const PadTarget& t : out) {
+    for (const OutputFile& file : t.outputs)
+      if (!file.format || *file.format->ending)
+        cli::check_writable(file.path, true);  // the other is a folder
+    for (const fs::path& file : {t.mesh, t.preview})
+      if (!file.empty()) cli::check_writable(file, true);
+  }
   if (!a.preview.empty() && !is_folder(a.preview) && (a.meshes.size() > 1 || !is_preview(a.preview)))
     throw UsageError("--preview " + cli::in_quotes(a.preview) +
                      (a.meshes.size() > 1
@@ -119,7 +127,7 @@ int pad_meshes(const PadArguments& a, const std::vector<PadTarget>& goals, const
   const auto fail = [&](const std::string& mesh, const std::string& what) {
     bar.clear();
     const std::string sentence = files.spoken(what);
-    std::fprintf(stderr, "pad: %s\n", sentence.c_str());
+    std::fprintf(stderr, "pad: %s\n", excerpt(sentence, 4000).c_str());
     all.push_back({{"input", files.spoken(mesh)}, {"error", sentence}});
     failed = true;
   };
@@ -132,7 +140,7 @@ int pad_meshes(const PadArguments& a, const std::vector<PadTarget>& goals, const
       Json report = pad_one(a, mesh, goals[k], show, [&] { bar.clear(); });
       if (!a.quiet)
         for (const auto& sentence : report["warnings"])
-          std::fprintf(stderr, "pad: warning: %s\n", files.spoken(sentence).c_str());
+          std::fprintf(stderr, "pad: warning: %s\n", excerpt(files.spoken(sentence), 4000).c_str());
       all.push_back(std::move(report));
     } catch (const Error& e) {
       fail(mesh, e.what());

@@ -113,6 +113,8 @@ void check(const Arguments& a, const CLI::App& app) {
   if (a.output.empty()) refuse_options(app, {"--frames"}, " counts what -o writes: name a file with -o");
   if (!a.make.empty()) {
     if (!a.scene.empty()) throw UsageError("--make makes the scene: leave " + a.scene + " out");
+    if (a.make != "silo" && a.cluster.empty())
+      throw UsageError("--make " + a.make + " is made of a padded part: name it with --cluster");
     if (a.make == "silo")
       refuse_options(app, {"--cluster"}, " is for the ball and the track: the silo has grains, leave it out");
     if (ending == ".json")
@@ -285,6 +287,9 @@ void keep_inputs(const Arguments& a, const std::vector<fs::path>& inputs, const 
   const auto write = [&](const fs::path& file, const char* option) {
     files.writes(file, option, std::string("name another one with ") + option);
   };
+  if (!a.checkpoint.empty()) padder::cli::check_writable(a.checkpoint);
+  if (!a.output.empty())
+    padder::cli::check_writable(frames.page() ? fs::path(a.output) : padder::settle::frame_path(a.output, 0));
   if (!a.checkpoint.empty()) write(a.checkpoint, "--checkpoint");
   if (!a.resume.empty()) files.reads(a.resume);
   if (a.output.empty()) return;

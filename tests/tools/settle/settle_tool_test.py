@@ -188,7 +188,7 @@ with tempfile.TemporaryDirectory() as folder:
         shown = run("preview", "silo.json", "-o", "silo.png", "--size", "64x32", "--samples", 1, "--json")
         assert json.loads(shown.stdout)["spheres"] == 400
     refused("at least 300 grains", "--make", "silo", "--count", 50, "-o", "silo.json")
-    refused("name it with --cluster", "--make", "ball", "-o", "ball.json")
+    refused("name it with --cluster", "--make", "ball", "-o", "ball.json", code=2)
     refused("has no mass", "--make", "track", "--cluster", "pill.spheres.json", "-o", "track.json")
 
     # Grains that are bodies, and their levels of detail. One ball of radius 0.01, or two that are a tenth as wrong.
