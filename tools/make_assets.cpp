@@ -4,9 +4,24 @@
 
 #include "assets/parts.h"
 #include "assets/solid.h"
+#include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
+
+namespace {
+
+// Dimensions that make no part are wrong usage.
+template <class Make>
+padder::Mesh made(const CLI::App* part, const Make& make) {
+  try {
+    return make();
+  } catch (const padder::Error& e) {
+    throw padder::cli::UsageError(part->get_name() + ": " + e.what());
+  }
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   using namespace padder;
@@ -33,24 +48,24 @@ int main(int argc, char** argv) {
   track_shoe->add_option("--plate", shoe.plate, "thickness of the body");
   track_shoe->add_option("--grouser", shoe.grouser, "height of the grousers");
   track_shoe->add_option("--horn", shoe.horn, "height of the guide horn");
-  add_whole(*track_shoe, "--lugs", shoe.lugs, "front and rear together");
-  add_whole(*track_shoe, "--segments", shoe.segments, "of a full circle");
+  add_whole(*track_shoe, "--lugs", shoe.lugs, "front and rear together", 2, 25);
+  add_whole(*track_shoe, "--segments", shoe.segments, "of a full circle", 12, 360);
 
   assets::RoadWheel wheel;
   auto* road_wheel = app.add_subcommand("road_wheel", "a rubber-tyred disc wheel");
   road_wheel->add_option("--radius", wheel.radius, "of the tyre");
   road_wheel->add_option("--width", wheel.width, "of the rim");
   road_wheel->add_option("--bore", wheel.bore, "diameter of the hub's hole");
-  add_whole(*road_wheel, "--bolts", wheel.bolts, "holes in the hub");
-  add_whole(*road_wheel, "--windows", wheel.windows, "holes in the disc");
-  add_whole(*road_wheel, "--segments", wheel.segments, "of a full circle");
+  add_whole(*road_wheel, "--bolts", wheel.bolts, "holes in the hub", 0, 12);
+  add_whole(*road_wheel, "--windows", wheel.windows, "holes in the disc", 0, 8);
+  add_whole(*road_wheel, "--segments", wheel.segments, "of a full circle", 24, 720);
 
   assets::Grain grain;
   auto* one_grain = app.add_subcommand("grain", "a convex, rounded particle");
   one_grain->add_option("--size", grain.size, "about its diameter");
-  add_whole(*one_grain, "--planes", grain.planes, "that cut it");
+  add_whole(*one_grain, "--planes", grain.planes, "that cut it", 8, 1000);
   one_grain->add_option("--roundness", grain.roundness, "0 to 1");
-  add_whole(*one_grain, "--frequency", grain.frequency, "20 of its square are the triangles");
+  add_whole(*one_grain, "--frequency", grain.frequency, "20 of its square are the triangles", 1, 100);
   add_whole(*one_grain, "--seed", grain.seed, "another seed, another grain");
 
   assets::Hopper bunker;
@@ -59,12 +74,13 @@ int main(int argc, char** argv) {
   hopper->add_option("--outlet", bunker.outlet, "outer diameter");
   hopper->add_option("--height", bunker.height, "");
   hopper->add_option("--wall", bunker.wall, "thickness");
-  add_whole(*hopper, "--bolts", bunker.bolts, "at each side of the flange");
-  add_whole(*hopper, "--segments", bunker.segments, "a multiple of 8");
+  add_whole(*hopper, "--bolts", bunker.bolts, "at each side of the flange", 0, 20);
+  add_whole(*hopper, "--segments", bunker.segments, "a multiple of 8", 16, 720);
 
   return cli::run(app, argc, argv, [&] {
     const bool all = app.get_subcommands().empty();
-    const auto write = [&](CLI::App* part, const char* what, const Mesh& mesh, int decimals) {
+    const auto write = [&](CLI::App* part, const char* what, const auto& make, int decimals) {
+      const Mesh mesh = made(part, make);
       const std::string path = folder + "/" + part->get_name() + ".obj";
       write_file(
           path, assets::to_obj(
@@ -72,10 +88,18 @@ int main(int argc, char** argv) {
                     decimals));
       std::cerr << path << ": " << mesh.triangles.size() << " triangles\n";
     };
-    if (all || *track_shoe) write(track_shoe, "Single-pin track shoe", assets::make_track_shoe(shoe), 7);
-    if (all || *road_wheel) write(road_wheel, "Road wheel", assets::make_road_wheel(wheel), 7);
-    if (all || *one_grain) write(one_grain, "Grain", assets::make_grain(grain), 9);
-    if (all || *hopper) write(hopper, "Hopper", assets::make_hopper(bunker), 7);
+    if (all || *track_shoe)
+      write(
+          track_shoe, "Single-pin track shoe", [&] { return assets::make_track_shoe(shoe); }, 7);
+    if (all || *road_wheel)
+      write(
+          road_wheel, "Road wheel", [&] { return assets::make_road_wheel(wheel); }, 7);
+    if (all || *one_grain)
+      write(
+          one_grain, "Grain", [&] { return assets::make_grain(grain); }, 9);
+    if (all || *hopper)
+      write(
+          hopper, "Hopper", [&] { return assets::make_hopper(bunker); }, 7);
     return 0;
   });
 }

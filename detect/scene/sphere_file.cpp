@@ -89,7 +89,9 @@ SphereFile::SphereFile(const std::filesystem::path& path) : where_(path.string()
   const std::string ending = path.extension().string();
   if (ending != ".npy" && ending != ".npz") throw Error(where_ + ": spheres are mapped from .npy or .npz");
   const auto fail = [&](int error) {
-    throw Error(where_ + ": cannot be mapped: " + std::generic_category().message(error));
+    throw Error(where_ + (error == ENOENT ? ": there is no such file: check the name"
+                                          : ": cannot be mapped: " + std::generic_category().message(error) +
+                                                ": check the name and that it may be read"));
   };
   const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (file < 0) fail(errno);

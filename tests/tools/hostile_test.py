@@ -507,6 +507,27 @@ class HostileTest(unittest.TestCase):
             self.sentence("pad", name, "-o", "fresh/", *QUICK)
             self.assertFalse((self.folder / "fresh").exists())
 
+    def test_wrong_usage_and_what_to_do(self):
+        for part, option, value in (("grain", "--planes", "0"), ("track_shoe", "--lugs", "26"), ("hopper", "--bolts", "21"), ("road_wheel", "--segments", "0")):
+            err = self.sentence("make_assets", part, option, value, code=2)
+            self.assertTrue(option in err and value in err, err)
+        self.sentence("make_assets", "hopper", "--segments", "20", code=2, says="hopper: ")
+        self.sentence("detect", "absent.npy", "--copies", "2", code=2, says="--copies")
+        self.sentence("detect", "absent.npy", says="there is no such file")
+        self.put("cube.obj", CUBE)
+        long = "a" * 300
+        self.sentence("pad", "cube.obj", "-o", long + ".vtp", *QUICK, says="shorter name")
+        os.symlink("loop.npz", self.folder / "loop.npz")
+        self.sentence("detect", "loop.npz", says="check the name")
+        if not (BIN / "settle").exists():
+            return
+        self.sentence("settle", "--make", "ball", "--count", "10", "-o", "b.html", code=2, says="--cluster")
+        self.works("pad", "cube.obj", "-q", *QUICK)
+        self.sentence("settle", "cube.spheres.json", says="it is a cluster")
+        self.put("stiff.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}],
+                                           "settle": {"material": {"stiffness": 1e308}}}))
+        self.sentence("settle", "stiff.json", "--steps", "1", says="at most 1e100")
+
     def test_a_kill_while_writing_leaves_no_half_asset(self):
         """As soon as something is written: under the final name there is the old file, or the new one as a whole."""
         self.put("cube.obj", CUBE)

@@ -98,6 +98,7 @@ class Reader {
   Reader(detect::Scene scene, const Place& r) : scene_(std::move(scene)), r_(r) {
     r_.only({"gravity", "material", "materials", "material_pairs", "seed", "time_step", "duration", "grains",
              "planes", "cylinder", "bodies", "bushings"});
+    if (r_.has("seed")) seed_ = r_.at("seed").whole(kMostSeed);
     read_materials();
     read_walls();
     read_body_settings();
@@ -150,6 +151,8 @@ class Reader {
     const Place m = r_.has("material") ? r_.at("material") : Place(empty, where);
     m.only({"density", "friction", "restitution", "stiffness"});
     law.stiffness = real_at(m, "stiffness", 0, 0, true);
+    if (law.stiffness > 1e100)
+      m.at("stiffness").fail("a number of at most 1e100 is wanted");  // squares overflow
     add_material("default", m, {"", 2500 * std::pow(metres(scene_.unit), 3), 0.5, 0.4});
   }
 
@@ -335,7 +338,7 @@ class Reader {
     };
     const std::int64_t nx = places(low.x, high.x), ny = places(low.y, high.y),
                        nz = nx > 0 && ny > 0 ? places(low.z, high.z) : 0;
-    if (!random_) random_.emplace(r_.has("seed") ? r_.at("seed").whole(kMostSeed) : 1);
+    if (!random_) random_.emplace(seed_);
     for (const Wall& w : out_.system.walls)
       if (w.kind == Wall::Kind::cylinder && count > 0 && 1.02 * widest > w.radius)
         g.fail("its largest grain, of radius " + short_number(widest, 6) +
@@ -455,6 +458,7 @@ class Reader {
   std::uint64_t given_ = 0;                   // loose spheres that are no grains of a block
   std::vector<BodySettings> grain_settings_;  // of each grain of a block
   std::vector<MassProperties> masses_;
+  std::uint64_t seed_ = 1;
   std::optional<detect::SplitMix64> random_;
 };
 
@@ -490,6 +494,11 @@ double chosen_stiffness(const System& s) {
 
 SettleScene settle_scene_from_json(const std::string& text, const std::string& where,
                                    const std::filesystem::path& folder, const detect::RungRule& rule) {
+  if (text.find("\"padder.cluster\"") < text.find("\"padder.scene\""))
+    throw Error(
+        where +
+        ": it is a cluster, and a scene of bodies made of it is wanted: docs/detector/settle.md shows "
+        "one, and --make ball --cluster makes one");
   detect::Scene scene = detect::scene_from_json(text, where, folder);
   const Json json = parse_json<Json>(text, where);
   const Place document(json, where);
