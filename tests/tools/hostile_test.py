@@ -507,6 +507,21 @@ class HostileTest(unittest.TestCase):
             self.sentence("pad", name, "-o", "fresh/", *QUICK)
             self.assertFalse((self.folder / "fresh").exists())
 
+    def test_options_that_would_do_nothing(self):
+        self.put("cube.obj", CUBE)
+        self.works("pad", "cube.obj", "-q", *QUICK)
+        self.put("seed.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}], "settle": {"seed": -1}}))
+        self.put("s.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}]}))
+        if (BIN / "settle").exists():
+            self.sentence("settle", "seed.json", "--steps", "1", says="seed")
+        self.sentence("detect", "s.json", "--precision", "fast", "--path", "nine-stages", code=2, says="--precision fast")
+        if not (BIN / "preview").exists():
+            return
+        for words in (["--samples", "2"], ["--size", "64x64"], ["--show", "spheres"], ["--plain"], ["--dark"]):
+            self.sentence("preview", "cube.spheres.json", "-o", "a.html", *words, code=2, says=words[0] + " is for a picture")
+        self.sentence("preview", "s.json", "-o", "a.png", "--show", "mesh", says="has no mesh to show")
+        self.assertFalse([f for f in self.files() if f.startswith("a.")])
+
     def test_wrong_usage_and_what_to_do(self):
         for part, option, value in (("grain", "--planes", "0"), ("track_shoe", "--lugs", "26"), ("hopper", "--bolts", "21"), ("road_wheel", "--segments", "0")):
             err = self.sentence("make_assets", part, option, value, code=2)

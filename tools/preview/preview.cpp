@@ -16,6 +16,7 @@
 #include "tools/colour_option.h"
 #include "tools/json_output.h"
 #include "tools/preview/scene_view.h"
+#include "tools/run_files.h"
 #include "tools/settle/read_scene.h"
 #include "tools/streams.h"
 
@@ -145,16 +146,30 @@ void use_stdout(Arguments& a, padder::cli::StreamFiles& files) {
   a.quiet = true;
 }
 
-int run(Arguments& a, padder::cli::StreamFiles& files) {
+// A picture that was asked to show a mesh, and has none, would be empty.
+void check_mesh(const Arguments& a, const CLI::App& app, const padder::View& view) {
+  const bool mesh_alone = a.picture.show == padder::Show::mesh || a.picture.show == padder::Show::wire;
+  if (app.count("--show") > 0 && mesh_alone && view.mesh.triangles.empty())
+    throw padder::Error("--show: " + a.input +
+                        " has no mesh to show: name it with --mesh (a cluster has one), or "
+                        "take --show spheres");
+}
+
+int run(Arguments& a, const CLI::App& app, padder::cli::StreamFiles& files) {
   // OMP_NUM_THREADS may ask for more than OpenMP's own stack holds.
   omp_set_num_threads(std::min(omp_get_max_threads(), padder::cli::kMostThreads));
   use_stdout(a, files);
   check(a);
+  const bool page = a.output.ends_with(".html");
+  if (page)
+    padder::cli::refuse_options(app, {"--samples", "--size", "--show", "--plain", "--dark"},
+                                " is for a picture (.png), and a page is drawn by the browser: leave it out");
+  padder::cli::check_writable(a.output);
   const auto began = std::chrono::steady_clock::now();
   std::string note;
   padder::View view = view_of(a, note);
+  check_mesh(a, app, view);
   if (!a.contacts.empty()) padder::add_contacts(view, a.contacts);
-  const bool page = a.output.ends_with(".html");
   if (page) {
     padder::write_page(view, a.output, {a.from.first, a.from.second, a.up[0], a.rung, a.picture.colour, {}});
   } else {
@@ -207,7 +222,7 @@ int main(int argc, char** argv) {
       app, argc, argv,
       [&] {
         padder::detect::SphereFile::end_program_if_shortened("preview", padder::cli::remove_all_unfinished);
-        return run(arguments, files);
+        return run(arguments, app, files);
       },
       [&](const std::string& error) {
         if (arguments.json) padder::cli::print_failure(arguments.input, error);
