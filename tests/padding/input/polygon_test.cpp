@@ -142,7 +142,8 @@ TEST(Polygon, ManyCorners) {
   expect_filling(comb);
 }
 
-TEST(Polygon, HalfOfManyCornersMayBeReflex) {  // with a look at all of them for each ear it took more than 40 s
+TEST(Polygon,
+     HalfOfManyCornersMayBeReflex) {  // with a look at all of them for each ear it took more than 40 s
   std::vector<Point> star;
   for (int k = 0; k < 100000; k++) {
     const double a = 2 * std::numbers::pi * k / 100000, r = k % 2 ? 1 : 0.5;
