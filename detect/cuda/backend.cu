@@ -181,7 +181,9 @@ class Work {
   void read_facts(const Input& input) {
     if (!has_facts(input)) {
       facts_.spheres_of_bodies = sphere_count(input) - loose_count(input);
-      facts_.worlds = !input.spheres.world && has_worlds(input);
+      Input without_array = input;
+      without_array.spheres.world = nullptr;
+      facts_.worlds = has_worlds(without_array);
     }
     facts_.revision = input.revision, facts_.bodies = input.bodies.size(), facts_.loose = loose_count(input);
     facts_.world_of_all = input.spheres.world_of_all;

@@ -592,6 +592,21 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
   }
 }
 
+// Loose spheres may come with an array of worlds or without one in the same revision.
+TEST(Worlds, ARevisionMayLoseTheWorldsOfItsLooseSpheres) {
+  for (const BackendKind backend : backends()) {
+    const World w = random_worlds(6, 4, 12, 40);
+    Detector detector({backend, 0});
+    for (const bool with_array : {true, false, true}) {
+      Input in = w.input();
+      if (!with_array) in.spheres.world = nullptr;
+      const std::vector<Pair> expected = oracle(in, detector.options());
+      in.revision = 8;
+      EXPECT_EQ(sorted(detector.detect(in).pair_span()), expected);
+    }
+  }
+}
+
 // stages() reads everything and keeps nothing, so a revision that comes again is read anew.
 TEST(Worlds, ARevisionBeforeStagesIsForgotten) {
   for (const BackendKind backend : backends()) {
