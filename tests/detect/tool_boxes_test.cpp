@@ -144,7 +144,7 @@ TEST_F(DetectBoxes, WrongUsageIsASentence) {
   expect_said("npy.json --memory 10", 1, "raise the limit");
   expect_said("npy.json --memory 1M -o c.csv", 2, "write a .npy");
   expect_said("spheres.npy --stages", 2, "--stages");
-  expect_said("spheres.npy --copies 2", 1, "--copies");
+  expect_said("spheres.npy --copies 2", 2, "--copies");
   expect_said("npy.json --devices 2 --backend omp -o c.txt", 2, "cannot tell the format");
   EXPECT_FALSE(fs::exists(folder_ / "c.csv"));
   const std::string mapped = read_file(folder_ / "spheres.npy");

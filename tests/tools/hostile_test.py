@@ -514,7 +514,6 @@ class HostileTest(unittest.TestCase):
         self.put("s.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}]}))
         if (BIN / "settle").exists():
             self.sentence("settle", "seed.json", "--steps", "1", says="seed")
-        self.sentence("detect", "s.json", "--precision", "fast", "--path", "nine-stages", code=2, says="--precision fast")
         if not (BIN / "preview").exists():
             return
         for words in (["--samples", "2"], ["--size", "64x64"], ["--show", "spheres"], ["--plain"], ["--dark"]):

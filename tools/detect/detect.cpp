@@ -334,12 +334,6 @@ int main(int argc, char** argv) {
             arguments.path.value() != padder::detect::Path::nine_stages)
           throw padder::cli::UsageError(
               "--stages prints the nine stages, which --path fast leaves out: leave out one of both");
-        if (app.count("--precision") > 0 &&
-            arguments.precision.value() == padder::detect::Precision::float32 &&
-            arguments.path.value() == padder::detect::Path::nine_stages)
-          throw padder::cli::UsageError(
-              "--precision fast is of the fast path, and the nine stages are always exact: leave out one of "
-              "both");
         if (!memory.empty()) arguments.memory = *padder::cli::bytes_of(memory);
         return padder::tool::run(arguments);
       },

@@ -144,7 +144,7 @@ TEST(SphereFile, WhatIsNoFileOfSpheresIsNamed) {
     EXPECT_NE(said.find(reason), std::string::npos) << said;
     EXPECT_NE(said.find(name), std::string::npos) << said;
   };
-  EXPECT_NE(failure(place("absent.npy")).find("cannot be mapped"), std::string::npos);
+  EXPECT_NE(failure(place("absent.npy")).find("there is no such file"), std::string::npos);
   refused("spheres.txt", "x", ".npy or .npz");
   refused("empty.npy", "", "empty");
   refused("other.npy", "not an array at all", "no NumPy array");

@@ -324,7 +324,7 @@ TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
         {"<asset><mesh file='m.stl'/></asset><worldbody><geom mesh='m'/></worldbody>",
          "a sphere that is fitted to a mesh"},
         {"<worldbody><geom class='none' size='1'/></worldbody>", "no default class \"none\""},
-        {"<worldbody><geom size='x'/></worldbody>", "size takes at least 1 number"},
+        {"<worldbody><geom size='x'/></worldbody>", "size takes 1 to 3 numbers, not \"x\""},
         {"<worldbody><geom size='1 2 3 4'/></worldbody>", "size takes"},
         {"<worldbody><geom type='capsule' size='1'/></worldbody>", "needs 2 sizes"},
         {"<worldbody><geom type='box' size='1 0 1'/></worldbody>", "needs 3 sizes"},
