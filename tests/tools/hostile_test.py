@@ -511,6 +511,7 @@ class HostileTest(unittest.TestCase):
         self.put("cube.obj", CUBE)
         self.works("pad", "cube.obj", "-q", *QUICK)
         self.put("seed.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}], "settle": {"seed": -1}}))
+        self.put("s.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}]}))
         if (BIN / "settle").exists():
             self.sentence("settle", "seed.json", "--steps", "1", says="seed")
         if not (BIN / "preview").exists():
