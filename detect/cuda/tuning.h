@@ -87,15 +87,16 @@ inline constexpr int kOctaveBlocks = 5;
 inline constexpr BodyCosts kKnownBodies{.ball = 0.75, .pair = 2.5, .static_call = 500'000, .static_each = 40},
     kNewBodies{.call = 250'000, .body = 15, .ball = 18, .pair = 2.5};
 
-// Bodies that fill less of the balls about their pieces are hollow: rods of five spheres fill 0.04, pieces of
-// shells 0.1 and more. Then the pairs of balls that touch are estimated before they are counted, which takes
-// 20 us; rods of 57 spheres had 28 million of them, and counting took 3.3 ms.
+// Bodies that fill less of the balls about their pieces are hollow: of a rod, n touching spheres in a row,
+// the share is 1 / n^2. Then the pairs of balls that touch are estimated before they are counted. 7,510 rods
+// of 57 spheres took 3.4 ms, counted in vain, and take 0.23 since (docs/experiments/bodies.md).
 inline constexpr double kHollow = 1.0 / 32;
 
-// Worlds are searched by their spheres, side by side, where a body, or loose sphere, has no more on average;
-// otherwise by the tree, if it may. It gives up where it would take longer than the spheres: about so long
-// for a call, and for each sphere. What its steps and pairs take was measured where they were slow. Random
-// scenes with up to a million spheres, in docs/experiments/worlds.md.
+// Worlds. Where bodies, loose spheres counted as bodies, have no more than kSmallBody spheres on average, the
+// spheres are searched side by side. Else the tree is tried first, and gives up where it would take longer
+// than the spheres: these take about so long for a call, and for each sphere. A step of a warp and a pair of
+// elements count for what they took in scenes where they were slow. Measured on an H200, with random scenes
+// of up to a million spheres (docs/experiments/worlds.md).
 inline constexpr std::uint64_t kSmallBody = 16;
 inline constexpr double kApartOfCall = 60'000, kApartOfSphere = 0.2;  // ns
 inline constexpr double kTreeStepOfWarp = 150, kTreePair = 1.5;       // ns

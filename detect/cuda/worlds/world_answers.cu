@@ -21,7 +21,11 @@ struct ListedContacts {
   std::uint32_t world_of_all;
   const Pair* pairs;
   std::uint64_t count;
-  __device__ std::uint32_t world_of(std::uint32_t k) const { return world ? world[k] : world_of_all; }
+  // Of a contact; kEveryWorld where both spheres are of it.
+  __device__ std::uint32_t world_of(const Pair& p) const {
+    if (!world) return world_of_all;
+    return world[p.i] == kEveryWorld ? world[p.j] : world[p.i];
+  }
   __device__ double distance(const Pair& p) const {
     return signed_distance(source.sphere(p.i), source.sphere(p.j));
   }
@@ -33,7 +37,7 @@ __global__ void __launch_bounds__(kThreads)
   for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < list.count;
        k += std::uint64_t(gridDim.x) * kThreads) {
     const Pair p = list.pairs[k];
-    const std::uint32_t of_i = list.world_of(p.i), world = of_i == kEveryWorld ? list.world_of(p.j) : of_i;
+    const std::uint32_t world = list.world_of(p);
     if (world == kEveryWorld) continue;
     if (keys.any && !keys.has_any(world)) keys.any[world] = 1;
     if (keys.totals) {
@@ -51,7 +55,7 @@ __global__ void __launch_bounds__(kThreads)
   for (std::uint64_t k = blockIdx.x * std::uint64_t(kThreads) + threadIdx.x; k < list.count;
        k += std::uint64_t(gridDim.x) * kThreads) {
     const Pair p = list.pairs[k];
-    const std::uint32_t of_i = list.world_of(p.i), world = of_i == kEveryWorld ? list.world_of(p.j) : of_i;
+    const std::uint32_t world = list.world_of(p);
     if (world != kEveryWorld && list.distance(p) == keys.nearest(world)) keys.keep_pair(world, p.i, p.j);
   }
 }

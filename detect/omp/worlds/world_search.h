@@ -12,8 +12,8 @@
 
 namespace padder::detect::omp {
 
-// How many tests that find no contact a search may make. Threads share it. Whether it is exceeded depends on
-// the scene alone, and not on their number.
+// How many tests that find no contact a search may make. Threads share it. Whether a list exceeds it depends
+// on the scene alone, and not on their number.
 class Allowance {
  public:
   static constexpr std::uint64_t kUnlimited = ~std::uint64_t(0);
