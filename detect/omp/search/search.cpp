@@ -47,7 +47,7 @@ class Searcher {
         hits_(hits),
         exact_(options.precision == Precision::exact || options.margin > 0),
         margin_(options.margin) {
-    bounded_ = own_ != Region{}, confirms_ = bounded_ || filters != nullptr;
+    bounded_ = own_ != Region{};
     for (int k = 0; k < grid.levels; k++) level_keys_[k] = keys_of(grid.level[k]);
   }
   std::uint64_t doubtful() const { return doubtful_; }
@@ -60,13 +60,10 @@ class Searcher {
     const Bins<Slot> bins{slots_, spheres_, keys_, starts_, keys.row, keys.plane, last_key, grown_by()};
     const auto test_bins = sparse(bins, first, last) ? kernels_.test_sparse_bins : kernels_.test_bins;
     while (first < last) {
-      Searched s{0, 0, false};
-      if (!confirms_ && near(level) == INFINITY) {
-        const HitLists out = hits_.room();
-        s = test_bins(bins, first, std::min(last, first + kConfirmed), out, kMostCandidates);
-        hits_.keep(s.doubt ? confirm_bins(out, s.hits) : s.hits);
-        first += s.spheres;
-      }
+      const HitLists out = hits_.room();
+      const Searched s = test_bins(bins, first, std::min(last, first + kConfirmed), out, kMostCandidates);
+      keep(out, s.hits, s.doubt, level, near(level));
+      first += s.spheres;
       if (s.spheres == 0) own_level_of(level, bins, first++);
     }
   }
@@ -93,13 +90,13 @@ class Searcher {
         while (run.end - run.begin > kMostCandidates - n) {
           const std::uint32_t part = kMostCandidates - n;
           add_pairs(out, n, first + k, table.slots() + run.begin, part);
-          keep_touching(out, n + part);
+          keep_touching(out, n + part, level);
           out = hits_.room(), n = 0, run.begin += part;
         }
         add_pairs(out, n, first + k, table.slots() + run.begin, run.end - run.begin);
         n += run.end - run.begin;
       }
-      keep_touching(out, n);
+      keep_touching(out, n, level);
     }
   }
   // The same for another level, all of whose spheres are tested.
@@ -109,7 +106,7 @@ class Searcher {
     const Run all{starts_[l.offset], starts_[std::uint64_t(l.offset) + l.buckets]};
     for (std::uint32_t a = first; a < last; a++) {
       const Sphere s = exact_sphere(a);
-      if (box.holds(s) && has_bin(l, s)) test_in_parts(seeker_at(l, a, s), a, all, near(level, true));
+      if (box.holds(s) && has_bin(l, s)) test_in_parts(seeker_at(l, a, s), a, all, level, near(level, true));
     }
   }
   // The same for another level, by rows of its bins.
@@ -214,8 +211,8 @@ class Searcher {
         runs_around(l, here + row - 1, 3, runs, count);
     }
     for (int k = 0; k < count; k++) candidates += runs[k].end - runs[k].begin;
-    if (candidates <= kMostCandidates) return test(seeker(a), a, runs, count, near(level));
-    for (int k = 0; k < count; k++) test_in_parts(seeker(a), a, runs[k], near(level));
+    if (candidates <= kMostCandidates) return test(seeker(a), a, runs, count, level, near(level));
+    for (int k = 0; k < count; k++) test_in_parts(seeker(a), a, runs[k], level, near(level));
   }
   // Appends the spheres of the buckets from `first` on, at most as many as the ring has: one run or two.
   void runs_around(const LevelKeys& l, std::uint32_t first, std::uint32_t buckets, Run* runs,
@@ -278,12 +275,11 @@ class Searcher {
     if (candidates <= kMostCandidates) {
       const HitLists out = hits_.room();
       const Searched s = kernels_.test_searches(slots_, together_, count, rows_, out);
-      s.doubt || confirms_ || near(level) < INFINITY ? keep_touching(out, s.hits) : hits_.keep(s.hits);
-      return;
+      return keep(out, s.hits, s.doubt, level, near(level));
     }
     rows = rows_;
     for (std::uint32_t k = 0; k < count; rows += together_[k++].runs)
-      test_rows(together_[k].me, together_[k].a, rows, together_[k].runs, near(level));
+      test_rows(together_[k].me, together_[k].a, rows, together_[k].runs, level);
   }
   // The rows of the box around a ball that has few, as find_rows() writes them. To leave out what the ball
   // does not cross would take longer than to test it.
@@ -312,7 +308,7 @@ class Searcher {
     const int last = ball.z_high, layers = std::max(1, kRows / (ball.y_high - ball.y_low + 1));
     for (; ball.z_low <= last; ball.z_low += layers) {
       ball.z_high = std::min(last, ball.z_low + layers - 1);
-      test_rows(s.me, a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), near(level));
+      test_rows(s.me, a, rows_, kernels_.find_rows(ball, starts_ + l.offset, rows_), level);
     }
   }
   // All rows of the box around the ball, on a periodic level.
@@ -325,7 +321,7 @@ class Searcher {
                     ball.key + static_cast<std::uint32_t>(ball.x_low) +
                         static_cast<std::uint32_t>(y) * ball.row + static_cast<std::uint32_t>(z) * ball.plane,
                     width, rows_, count);
-        test_rows(me, a, rows_, count, near(level));
+        test_rows(me, a, rows_, count, level);
       }
   }
   // Restricts bins low to high, relative to `bin`, to those that exist on the level. False if none of them
@@ -340,7 +336,7 @@ class Searcher {
   }
 
   // Tests the candidates in `count` rows, as many at once as there is room for.
-  void test_rows(const Slot& me, std::uint32_t a, const Run* rows, int count, double near) {
+  void test_rows(const Slot& me, std::uint32_t a, const Run* rows, int count, int level) {
     int first = 0;
     std::uint32_t candidates = 0;
     for (int k = 0; k < count; k++) {
@@ -349,30 +345,30 @@ class Searcher {
         candidates += n;
         continue;
       }
-      if (k > first) test(me, a, rows + first, k - first, near);
+      if (k > first) test(me, a, rows + first, k - first, level, near(level));
       first = k, candidates = n;
-      if (n > kMostCandidates) test_in_parts(me, a, rows[k], near), first = k + 1, candidates = 0;
+      if (n > kMostCandidates)
+        test_in_parts(me, a, rows[k], level, near(level)), first = k + 1, candidates = 0;
     }
-    if (count > first) test(me, a, rows + first, count - first, near);
+    if (count > first) test(me, a, rows + first, count - first, level, near(level));
   }
 
   // Tests the candidates of a run of any length.
-  void test_in_parts(const Slot& me, std::uint32_t a, Run r, double near) {
+  void test_in_parts(const Slot& me, std::uint32_t a, Run r, int level, double near) {
     while (r.begin < r.end) {
       const Run part{r.begin, std::min(r.end, r.begin + kMostCandidates)};
-      test(me, a, &part, 1, near);
+      test(me, a, &part, 1, level, near);
       r.begin = part.end;
     }
   }
   // Tests at most kMostCandidates candidates.
-  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, double near) {
+  void test(const Slot& me, std::uint32_t a, const Run* runs, int count, int level, double near) {
     const HitLists out = hits_.room();
     bool doubt;
-    std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out.b, doubt);
-    if (doubt | confirms_ | (near < INFINITY)) n = confirm(me, a, out.b, n, near, doubt);
+    const std::uint32_t n = kernels_.test_runs(slots_, me, runs, count, out.b, doubt);
     // Whole vectors: what is too much is written over.
     for (std::uint32_t k = 0; k < n; k += kLanes) std::fill_n(out.a + k, kLanes, a);
-    hits_.keep(n);
+    keep(out, n, doubt, level, near);
   }
 
   // Appends pairs of slot a and the next `count` slots of `b`. Whole vectors: what is too much is written
@@ -382,8 +378,8 @@ class Searcher {
     for (std::uint32_t k = 0; k < count; k += kLanes)
       std::fill_n(out.a + n + k, kLanes, a), std::copy_n(b + k, kLanes, out.b + n + k);
   }
-  // Keeps those of the first n hits that are contacts, by the exact test and the filter.
-  void keep_touching(const HitLists& hits, std::uint32_t n) {
+  // Keeps those of the first n candidates that are contacts. All of them are decided in double.
+  void keep_touching(const HitLists& hits, std::uint32_t n, int level) {
     std::fill_n(hits.a + n, kLanes, n > 0 ? hits.a[0] : 0),
         std::fill_n(hits.b + n, kLanes, n > 0 ? hits.b[0] : 0);
     std::uint32_t kept = 0;
@@ -401,55 +397,44 @@ class Searcher {
         kept += touch[k] != 0;
       }
     }
-    if (confirms_) {
-      n = kept, kept = 0;
-      for (std::uint32_t k = 0; k < n; k++) {
-        const std::uint32_t a = hits.a[k];
-        hits.a[kept] = a, hits.b[kept] = hits.b[k];
-        kept += confirm(seeker(a), a, hits.b + kept, 1, INFINITY, false);
-      }
-    }
-    hits_.keep(kept);
+    keep(hits, kept, false, level, INFINITY);
   }
 
-  // Removes the hits that are no contacts from those of spheres at their own level. Returns how many are
-  // left.
-  std::uint32_t confirm_bins(const HitLists& hits, std::uint32_t n) {
-    std::uint32_t kept = 0;
-    for (std::uint32_t k = 0; k < n; k++) {
-      const std::uint32_t a = hits.a[k];
-      hits.a[kept] = a, hits.b[kept] = hits.b[k];
-      kept += confirm(seeker(a), a, hits.b + kept, 1, INFINITY, true);
-    }
-    return kept;
-  }
-
-  // Removes hits that are no contacts: by the exact test where float cannot decide, by the filter, by the
-  // region, and where two centres are farther apart than `near` along an axis. Returns how many are left.
-  std::uint32_t confirm(const Slot& me, std::uint32_t a, std::uint32_t* hits, std::uint32_t n, double near,
-                        bool doubt) {
-    std::uint32_t kept = 0;
-    for (std::uint32_t k = 0; k < n; k++) {
-      const std::uint32_t b = hits[k];
-      if (filters_ && !admitted(filters_[a], filters_[b])) continue;
-      if (near < INFINITY) {
+  // Keeps those of the first n hits that are contacts: by the filter, by the region, by the exact test where
+  // float cannot decide, and where no two centres are farther apart than `near` along an axis. `doubt`: float
+  // may not decide some hit. `level`: of the second spheres.
+  void keep(const HitLists& hits, std::uint32_t n, bool doubt, int level, double near) {
+    if (filters_)
+      n = keep_if(hits, n,
+                  [this](std::uint32_t a, std::uint32_t b) { return admitted(filters_[a], filters_[b]); });
+    if (near < INFINITY)
+      n = keep_if(hits, n, [&](std::uint32_t a, std::uint32_t b) {
         const Sphere p = exact_sphere(a), q = exact_sphere(b);
-        if (magnitude(p.x - q.x) > near || magnitude(p.y - q.y) > near || magnitude(p.z - q.z) > near)
-          continue;
-      }
-      if (bounded_) {
+        return larger(larger(magnitude(p.x - q.x), magnitude(p.y - q.y)), magnitude(p.z - q.z)) <= near;
+      });
+    if (bounded_)
+      n = keep_if(hits, n, [this](std::uint32_t a, std::uint32_t b) {
         const bool ordered = ids_[a] < ids_[b];
-        const Sphere i = exact_sphere(ordered ? a : b), j = exact_sphere(ordered ? b : a);
-        if (!owns(own_, midpoint(i, j))) continue;
-      }
-      if (doubt) {
-        const Measured m = measured(me, slots_[b]);
-        if (verdict<Slot>(m) == Verdict::doubt) {
-          doubtful_++;
-          if (exact_ ? !touching(exact_sphere(a), exact_sphere(b), margin_) : m.d2 > m.s2) continue;
-        }
-      }
-      hits[kept++] = b;
+        return owns(own_, midpoint(exact_sphere(ordered ? a : b), exact_sphere(ordered ? b : a)));
+      });
+    if (doubt)
+      n = keep_if(hits, n, [&](std::uint32_t a, std::uint32_t b) {
+        const Sphere s = exact_sphere(a);
+        const Measured m = measured(seeker_at(grid_.level[level], a, s), slots_[b]);
+        if (verdict<Slot>(m) != Verdict::doubt) return true;
+        doubtful_++;
+        return exact_ ? touching(s, exact_sphere(b), margin_) : m.d2 <= m.s2;
+      });
+    hits_.keep(n);
+  }
+  // Removes hits. Without a branch on them, which would often be mispredicted. Returns how many are left.
+  template <class Test>
+  static std::uint32_t keep_if(const HitLists& hits, std::uint32_t n, Test test) {
+    std::uint32_t kept = 0;
+    for (std::uint32_t k = 0; k < n; k++) {
+      const std::uint32_t a = hits.a[k], b = hits.b[k];
+      hits.a[kept] = a, hits.b[kept] = b;
+      kept += test(a, b);
     }
     return kept;
   }
@@ -465,7 +450,7 @@ class Searcher {
   const Filter* filters_;
   Hits& hits_;
   const Kernels<Slot> kernels_ = kernels_for_this_machine<Slot>();
-  bool exact_, bounded_ = false, confirms_ = false;
+  bool exact_, bounded_ = false;
   double margin_;
   Run rows_[kRows + kLanes];
   RunSearch<Slot> together_[kTogether];
