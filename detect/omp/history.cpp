@@ -71,18 +71,27 @@ const std::uint32_t* History::match(const Records& records, int threads) {
       if (found[k] != kNoContact) followed[found[k]] = true, matched++;
     }
   }
-  if (matched < count_ && matched < records.count) find_rest(records, count_ - matched, threads);
+  if (matched < count_ && matched < records.count)
+    find_rest(records, records.count - matched, count_ - matched, threads);
   return found;
 }
 
-// The contacts that were not found near the one before them, in a hash table of the `left` contacts before
-// that no contact was found to be.
-void History::find_rest(const Records& records, std::uint64_t left, int threads) {
-  // Half of the places stay empty, so that a search ends after one or two steps.
-  const std::uint64_t places = std::bit_ceil(2 * left + 1), mask = places - 1;
-  std::uint32_t* table = table_.resize(places, "the table of the contacts before");
+// The contacts that were not found near the one before them: `left` of them, and `left_before` contacts
+// before that none was found to be. The fewer go into a hash table, and the others are looked up.
+void History::find_rest(const Records& records, std::uint64_t left, std::uint64_t left_before, int threads) {
+  // Whose are in the table, which has indices of 32 bits.
+  const bool of_now = left < left_before && records.count < kNoContact;
+  const Pair *tabled = of_now ? records.pairs.data() : before_.data(),
+             *others = of_now ? before_.data() : records.pairs.data();
+  const auto n_tabled = static_cast<std::int64_t>(of_now ? records.count : count_),
+             n_others = static_cast<std::int64_t>(of_now ? count_ : records.count);
   std::uint32_t* found = found_.data();
-  const auto n = static_cast<std::int64_t>(records.count), n_before = static_cast<std::int64_t>(count_);
+  const auto matched = [&](bool now, std::int64_t k) {
+    return now ? found[k] != kNoContact : followed_[static_cast<std::uint64_t>(k)];
+  };
+  // Half of the places stay empty, so that a search ends after one or two steps.
+  const std::uint64_t places = std::bit_ceil(2 * std::min(left, left_before) + 1), mask = places - 1;
+  std::uint32_t* table = table_.resize(places, "the table of the contacts before");
 #pragma omp parallel num_threads(threads)
   {
 #pragma omp for schedule(static)
@@ -90,21 +99,23 @@ void History::find_rest(const Records& records, std::uint64_t left, int threads)
       // Which place an index gets depends on the threads; what is found does not, because no pair is in a
       // list twice.
 #pragma omp for schedule(static)
-    for (std::int64_t k = 0; k < n_before; k++) {
-      if (followed_[static_cast<std::uint64_t>(k)]) continue;
-      std::uint64_t at = first_place(before_[static_cast<std::uint64_t>(k)], mask);
+    for (std::int64_t k = 0; k < n_tabled; k++) {
+      if (matched(of_now, k)) continue;
+      std::uint64_t at = first_place(tabled[k], mask);
       for (std::uint32_t empty = kNoContact; !std::atomic_ref(table[at]).compare_exchange_strong(
                empty, static_cast<std::uint32_t>(k), std::memory_order_relaxed);
            empty = kNoContact)
         at = (at + 1) & mask;
     }
 #pragma omp for schedule(static)
-    for (std::int64_t k = 0; k < n; k++) {
-      if (found[k] != kNoContact) continue;
-      const Pair p = records.pairs[static_cast<std::uint64_t>(k)];
-      std::uint64_t at = first_place(p, mask);
-      while (table[at] != kNoContact && before_[table[at]] != p) at = (at + 1) & mask;
-      found[k] = table[at];
+    for (std::int64_t k = 0; k < n_others; k++) {
+      if (matched(!of_now, k)) continue;
+      std::uint64_t at = first_place(others[k], mask);
+      while (table[at] != kNoContact && tabled[table[at]] != others[k]) at = (at + 1) & mask;
+      if (of_now && table[at] != kNoContact)
+        found[table[at]] = static_cast<std::uint32_t>(k);
+      else if (!of_now)
+        found[k] = table[at];
     }
   }
 }

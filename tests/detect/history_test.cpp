@@ -179,6 +179,19 @@ TEST_P(HistoryTest, FollowsALongListThroughAnotherOrder) {
   }
 }
 
+// The shorter list goes into a table where many pairs have left their place.
+TEST_P(HistoryTest, FollowsAShortListAfterALongOneAndBack) {
+  TestScene scene = random_scene(20000, 1, 0.6, seed_);
+  for (const double by : {1.0, 0.4, 2.5, 0.4, 0.9, 1 / 0.36}) {
+    for (Sphere& s : scene.spheres) std::swap(s.x, s.z), s.r *= by;
+    const Arranged a(scene, Scalar::f32);
+    SCOPED_TRACE("radii times " + std::to_string(by));
+    expect_right(a.input);
+    if (HasFatalFailure()) return;
+  }
+  EXPECT_GT(known_, 100u);
+}
+
 // On a GPU contacts have slots that follow from how many there were in the calls before.
 TEST_P(HistoryTest, TheListIsThatOfAPlainCallWhileContactsBecomeFewer) {
   const bool cuda = GetParam() == BackendKind::cuda;
