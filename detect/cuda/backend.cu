@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The CUDA backend: brings the input to the device, chooses among the three ways of finding contacts (bodies
 // first, all spheres, the nine stages), and delivers the list.
+#include <algorithm>
 #include <chrono>
 #include <optional>
 #include <utility>
@@ -37,7 +38,7 @@ class Work {
     const bool known = bodies_.knows(input) && (judged || options.bodies == Bodies::first) && goes_first();
     check_input(input, true, has_facts(input));
     read_facts(input);
-    const bool worlds = grid && !known && has_worlds_now(input);
+    const bool worlds = grid && has_worlds_now(input);
     // In any order, further calls of a revision keep to what its first call found.
     if (options.bodies == Bodies::automatic && grid && !known && !worlds &&
         !(judged && options.order == Order::any))
@@ -152,6 +153,7 @@ class Work {
     // A region's share changes by up to a tenth before space is cut anew.
     book_.roomy = options.memory_limit == 0 && !(options.own == Region{});
     check_memory(input);
+    posed_.begin_call();
     return {input, options, stream_, side_, processors, clock_, list_, options.history ? &history_ : nullptr};
   }
   // Are bodies to be searched first, and how many pairs of balls may touch then? A stable order depends on
@@ -237,7 +239,10 @@ class Work {
   }
   // False: some are missing.
   bool answer_from_list(const Call& call, double margin) {
-    if (!WorldsApart::takes(call)) return false;
+    // The tree alone looks at the world of a body that has no spheres.
+    const bool some_empty = std::any_of(call.input.shapes.begin(), call.input.shapes.end(),
+                                        [](const Shape& s) { return s.count == 0; });
+    if (some_empty || !WorldsApart::takes(call)) return false;
     Contacts c;
     try {
       const DeviceSpheres source = read(call);
@@ -326,11 +331,12 @@ class Work {
   cudaStream_t stream_ = nullptr;  // of the last call
   SideStream side_;
   MemoryBook book_;
-  InputCopy input_{book_};
+  PosedBodies posed_{book_};
+  InputCopy input_{book_, posed_};
   const void* checked_[kGiven] = {};  // known to be device memory
   SphereSearch spheres_{book_};
-  BodySearch bodies_{book_};
-  WorldSearch worlds_{book_};
+  BodySearch bodies_{book_, posed_};
+  WorldSearch worlds_{book_, posed_};
   WorldsApart worlds_apart_{book_};
   AnswerArrays answers_{book_};
   // What Bodies::automatic means for the revision `judged_`.

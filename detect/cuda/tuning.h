@@ -87,10 +87,11 @@ inline constexpr int kOctaveBlocks = 5;
 inline constexpr BodyCosts kKnownBodies{.ball = 0.75, .pair = 2.5, .static_call = 500'000, .static_each = 40},
     kNewBodies{.call = 250'000, .body = 15, .ball = 18, .pair = 2.5};
 
-// Bodies that fill less of the balls about their pieces are hollow: of a rod, n touching spheres in a row,
-// the share is 1 / n^2. Then the pairs of balls that touch are estimated before they are counted. 7,510 rods
-// of 57 spheres took 3.4 ms, counted in vain, and take 0.23 since (docs/experiments/bodies.md).
-inline constexpr double kHollow = 1.0 / 32;
+// Where the pairs of balls that touch may be too many, they are estimated: bodies that fill less of the balls
+// about their pieces than kHollow (of a rod, n touching spheres in a row, the share is 1 / n^2), and scenes
+// where fewer pairs an element would be too many than kPackedPairs. Of equal balls, densely packed, 6 touch
+// (docs/experiments/bodies.md).
+inline constexpr double kHollow = 1.0 / 32, kPackedPairs = 8;
 
 // Worlds. Where bodies, loose spheres counted as bodies, have no more than kSmallBody spheres on average, the
 // spheres are searched side by side. Else the tree is tried first, and gives up where it would take longer

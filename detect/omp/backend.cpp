@@ -345,7 +345,12 @@ class OmpBackend final : public Backend {
     const bool known = may_go_first && kept_->bodies.knows(input, options.margin);
     check_input(input, false, known);
     const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
-    if (!known && options.path == Path::grid && has_worlds(input)) {
+    // The worlds of bodies stay within a revision, those of loose spheres need not.
+    std::optional<std::uint32_t> world_of_loose;
+    if (!input.spheres.world) world_of_loose = input.spheres.world_of_all;
+    const bool same_worlds = known && world_of_loose && world_of_loose == world_of_loose_;
+    world_of_loose_ = world_of_loose;
+    if (!same_worlds && options.path == Path::grid && has_worlds(input)) {
       choose_threads(options, n);
       kept_->bodies.forget();
       return search_worlds(input, options, n);
@@ -487,6 +492,7 @@ class OmpBackend final : public Backend {
   std::optional<omp::History> history_{budget_};
   omp::Threads chosen_;
   int threads_ = 1;
+  std::optional<std::uint32_t> world_of_loose_;  // in the last call; none: an array gave them
   double place_seconds_ = 0;
 };
 

@@ -581,8 +581,13 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
     }
     bad = w, bad.shapes.push_back({nullptr, 0});  // a body has a world even without spheres
     bad.bodies[1].shape = 3, bad.bodies[1].world = 8;
-    EXPECT_TRUE(
-        refuses([&] { detector.detect_worlds(bad.input(), 8, Answer::any); }, "body 1 is in world 8"));
+    const auto refuses_world = [&](Answer answer) {
+      return refuses([&] { detector.detect_worlds(bad.input(), 8, answer); }, "body 1 is in world 8");
+    };
+    EXPECT_TRUE(refuses_world(Answer::any) && refuses_world(Answer::count));
+    for (Body& b : bad.bodies) b.shape = 3;
+    bad.loose.clear();  // there are no spheres
+    EXPECT_TRUE(refuses_world(Answer::any) && refuses_world(Answer::count));
     bad = w, bad.loose[3].r = -1;
     EXPECT_TRUE(refuses([&] { detector.detect(bad.input()); }, "negative radius"));
     bad = w, bad.bodies[2].position[1] = NAN;
@@ -592,19 +597,27 @@ TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
   }
 }
 
-// Loose spheres may come with an array of worlds or without one in the same revision.
-TEST(Worlds, ARevisionMayLoseTheWorldsOfItsLooseSpheres) {
-  for (const BackendKind backend : backends()) {
-    const World w = random_worlds(6, 4, 12, 40);
-    Detector detector({backend, 0});
-    for (const bool with_array : {true, false, true}) {
-      Input in = w.input();
-      if (!with_array) in.spheres.world = nullptr;
-      const std::vector<Pair> expected = oracle(in, detector.options());
-      in.revision = 8;
-      EXPECT_EQ(sorted(detector.detect(in).pair_span()), expected);
-    }
-  }
+// Loose spheres may come with an array of worlds or without one in the same revision, and of another world.
+TEST(Worlds, ARevisionMayChangeTheWorldsOfItsLooseSpheres) {
+  for (const BackendKind backend : backends())
+    for (const bool bodies_in_worlds : {true, false})
+      for (const Bodies bodies : {Bodies::automatic, Bodies::first, Bodies::expanded}) {
+        World w = random_worlds(6, 4, 12, 40);
+        if (!bodies_in_worlds)
+          for (Body& b : w.bodies) b.world = 2;
+        Detector detector({backend, 0}, {.bodies = bodies});
+        const std::vector<std::uint32_t> array(w.loose.size(), 2);
+        enum Loose { own_worlds, array_of_2, all_in_2, all_in_0 };
+        for (const Loose loose : {own_worlds, all_in_2, all_in_2, own_worlds, all_in_0, array_of_2, all_in_0,
+                                  all_in_2, own_worlds}) {
+          Input in = w.input();
+          if (loose != own_worlds) in.spheres.world = loose == array_of_2 ? array.data() : nullptr;
+          if (loose == all_in_2) in.spheres.world_of_all = 2;
+          const std::vector<Pair> expected = oracle(in, detector.options());
+          in.revision = 8;
+          EXPECT_EQ(sorted(detector.detect(in).pair_span()), expected) << loose;
+        }
+      }
 }
 
 // stages() reads everything and keeps nothing, so a revision that comes again is read anew.

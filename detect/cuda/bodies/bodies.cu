@@ -2,7 +2,9 @@
 #include "detect/cuda/bodies/bodies.h"
 
 #include <algorithm>
+#include <utility>
 
+#include "detect/cuda/bodies/pair_estimate.h"
 #include "detect/cuda/device/device.h"
 #include "detect/cuda/device/exclusive_sum.h"
 #include "detect/cuda/device/profile_range.h"
@@ -21,12 +23,16 @@ void widen(Summary& s) {
     if (o.count) wider(o.low, o.high, o.need_max);
 }
 
+// Are elements so few that each is tested with each?
+bool are_few(std::uint32_t moving) {
+  return moving <= std::min(tuning::kAllPairsElements, test_limits.all_pairs_elements);
+}
+
 }  // namespace
 
-BodySearch::BodySearch(MemoryBook& book)
+BodySearch::BodySearch(MemoryBook& book, PosedBodies& posed)
     : book_(book),
-      input_(book),
-      estimate_(book),
+      input_(book, posed),
       tools_(book),
       pairs_(book, "the bodies that meet"),
       hits_(book, "the contacts") {}
@@ -51,7 +57,7 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   plan_.static_count = input_.table().count;
   plan_.method = method_, plan_.moves = book_.moves;
   plan_.stable_order = call.options.order == Order::stable;
-  plan_.all_pairs = view.moving <= std::min(tuning::kAllPairsElements, test_limits.all_pairs_elements);
+  plan_.all_pairs = are_few(view.moving), plan_.samples = samples_;
   if (!plan_.all_pairs) {
     plan_.grid = choose_grid(summary_, 0);
     if (plan_.stable_order) plan_.quota = quota_;
@@ -133,6 +139,7 @@ void BodySearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, St
   if (plan.view.moving > 0) {
     // A list that was laid out for another length has holes; the pass is repeated.
     clear_for_initcheck(plan.pairs.pairs, plan.pairs.capacity, stream);
+    if (plan.samples) sample_pairs(plan.view, &counters->sampled, stream);
     broad_phase(plan, tools, stream, clock);
     broad_phase_of_static(plan, tools, stream);
     clock.mark(6);
@@ -233,7 +240,8 @@ struct BodySearch::Steps {
     if (found.broad.flags & kOutside) throw Error(kChanged);
     if (found.broad.flags & kCrowded) {
       s.method_ = OrderMethod::sort;
-    } else if (static_cast<double>(pairs) > most_pairs) {
+    } else if (static_cast<double>(pairs) > most_pairs ||
+               (s.plan_.samples && cuda::estimated_pairs(moving, found.sampled) > most_pairs)) {
       too_many_pairs = true;
       return false;
     } else if (pairs > s.pairs_.capacity() || !known || spilled > memory.spill.capacity()) {
@@ -250,6 +258,18 @@ struct BodySearch::Steps {
   }
 };
 
+// Waits for the device.
+double BodySearch::estimated_pairs(const Call& call) {
+  BodyCounters* counters = tools_.counters.reserve(1);
+  cuda_check(cudaMemsetAsync(counters, 0, sizeof *counters, call.stream), "clear the counters");
+  sample_pairs(input_.view(), &counters->sampled, call.stream);
+  Report& report = tools_.report;
+  report.clear(), report.add(counters, tools_.host_counters.reserve(1), sizeof *counters), report.expect();
+  report.send(call.stream);
+  report.arrived(call.stream, "estimate the pairs");
+  return cuda::estimated_pairs(input_.view().moving, tools_.host_counters.data()->sampled);
+}
+
 bool BodySearch::run(const Call& call, double most_pairs, Contacts& contacts) {
   const bool known = knows(call.input);
   {
@@ -258,8 +278,12 @@ bool BodySearch::run(const Call& call, double most_pairs, Contacts& contacts) {
   }
   call.clock.mark(StageClock::kPlace);
   const std::uint32_t moving = input_.view().moving;
-  if (most_pairs < INFINITY && input_.estimates_pairs() &&
-      estimate_.pairs(input_.view(), call.stream) > most_pairs) {
+  // The estimate alone decides, too, so that a stable order follows from the scene. It runs along where the
+  // call before went through. Else it comes first: to count in vain would take longer than to wait for it.
+  samples_ = most_pairs < INFINITY && !are_few(moving) &&
+             (input_.hollow() || most_pairs < tuning::kPackedPairs * moving);
+  if (!std::exchange(went_through_, false) && std::exchange(samples_, false) &&
+      estimated_pairs(call) > most_pairs) {
     input_.keep(call.input);
     return false;
   }
@@ -269,6 +293,7 @@ bool BodySearch::run(const Call& call, double most_pairs, Contacts& contacts) {
   if (!speculative_.run(steps, known && moving > 0 && moving == summary_.count)) return false;
   input_.keep(call.input);
   if (steps.too_many_pairs) return false;
+  went_through_ = true;
   call.clock.mark(8);
   contacts.spheres = input_.body_spheres() + loose_count(call.input);
   return true;

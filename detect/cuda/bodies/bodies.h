@@ -5,7 +5,6 @@
 #pragma once
 #include "detect/cuda/bodies/body_input.h"
 #include "detect/cuda/bodies/narrow_phase.h"
-#include "detect/cuda/bodies/pair_estimate.h"
 #include "detect/cuda/call/call.h"
 #include "detect/cuda/call/speculative_call.h"
 
@@ -13,7 +12,7 @@ namespace padder::detect::cuda {
 
 class BodySearch {
  public:
-  explicit BodySearch(MemoryBook& book);
+  BodySearch(MemoryBook& book, PosedBodies& posed);
 
   bool knows(const Input& input) const { return input_.knows(input); }  // by its revision
   Pieces& pieces() { return input_.pieces(); }
@@ -22,7 +21,7 @@ class BodySearch {
 
   // All contacts into call.list, their number and that of the spheres to `contacts`. False: the spheres of
   // the bodies must be searched one by one. Either something is out of the ordinary (a pose that is none,
-  // coordinates beyond what a record holds), or more than `most_pairs` balls touch. Throws Error.
+  // coordinates beyond what a record holds), or more than `most_pairs` balls touch, by count or by estimate.
   bool run(const Call& call, double most_pairs, Contacts& contacts);
 
  private:
@@ -44,6 +43,7 @@ class BodySearch {
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false, stable_order = true;
     bool all_pairs = false;  // so few elements that no grid is needed
+    bool samples = false;    // an estimate of the pairs runs along
     SlotQuota quota;
     int top = 0, processors = 1;
     std::uint64_t moves = 0;
@@ -74,15 +74,17 @@ class BodySearch {
   static void element_pairs(const Plan& plan, Tools& tools, cudaStream_t stream, Launch launch);
   static void broad_phase_of_static(const Plan& plan, Tools& tools, cudaStream_t stream);
   bool ordinary(const CallOptions& options) const;
+  double estimated_pairs(const Call& call);
 
   MemoryBook& book_;
   BodyInput input_;
-  PairEstimate estimate_;
   Tools tools_;
   Summary summary_;
   Plan plan_;
   Recording<Plan> recording_;
   SpeculativeCall speculative_{1};
+  bool samples_ = false;
+  bool went_through_ = false;  // the call before found no more pairs than it might
   OrderMethod method_ = OrderMethod::automatic;
   Buffer<Pair> pairs_;
   Buffer<uint4> hits_;

@@ -100,9 +100,9 @@ std::uint64_t moving_loose(const Input& input, cudaStream_t stream) {
   return static_cast<std::uint64_t>(std::count(marks.begin(), marks.end(), 0));
 }
 
-BodyInput::BodyInput(MemoryBook& book)
-    : copy_(book),
-      posed_(book),
+BodyInput::BodyInput(MemoryBook& book, PosedBodies& posed)
+    : copy_(book, posed),
+      posed_(posed),
       arrays_(book),
       near_elements_(book),
       elements_(book, "the pieces of bodies"),
@@ -223,8 +223,7 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
     const Element el = assembly_.elements[e];
     if (el.body == kLoose) moving_loose_.push_back(el.piece);
   }
-  estimates_pairs_ = filled(input, assembly_.pieces) < tuning::kHollow ||
-                     assembly_.moving > 2 * std::uint64_t(assembly_.moving_pieces);
+  hollow_ = filled(input, assembly_.pieces) < tuning::kHollow;
   largest_radius_ = 0;
   for (const Shape& shape : input.shapes)
     for (std::uint64_t k = 0; k < shape.count; k++)

@@ -30,7 +30,7 @@ struct LooseRecord {
 
 class BodyInput {
  public:
-  explicit BodyInput(MemoryBook& book);
+  BodyInput(MemoryBook& book, PosedBodies& posed);
 
   bool knows(const Input& input) const;  // by its revision
   // Brings everything to where it is in this call: what moves, if the input is known, else all. The balls
@@ -42,9 +42,8 @@ class BodyInput {
   Pieces& pieces() { return assembly_.pieces; }
   void forget() { revision_ = 0; }
 
-  // Are balls about pieces mostly empty, as those of rods, or are most elements loose spheres? Then many
-  // balls may touch where few spheres do.
-  bool estimates_pairs() const { return estimates_pairs_; }
+  // Are balls about pieces mostly empty, as those of rods? Then many may touch where few spheres do.
+  bool hollow() const { return hollow_; }
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
   const BodyView& view() const { return near_; }
   const DeviceSpheres& loose() const { return loose_; }
@@ -69,13 +68,13 @@ class BodyInput {
   StaticTable table_;
   double static_extent_ = 0, margin_ = 0, largest_radius_ = 0;  // the last: of the spheres of bodies
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
-  bool estimates_pairs_ = false;
+  bool hollow_ = false;
   std::vector<std::uint32_t> moving_loose_;
   BodyView view_, near_;  // of everything; without what is left out
   StaticView static_view_;
   DeviceSpheres loose_;
 
-  PosedBodies posed_;
+  PosedBodies& posed_;
   BodyArrays arrays_;
   NearElements near_elements_;
   Buffer<Element> elements_;

@@ -11,7 +11,8 @@ struct BodyCounters {
   Counters broad;                   // pairs of elements that move
   unsigned long long static_pairs;  // pairs with a static element; they stand behind those
   unsigned long long contacts;
-  unsigned long long next;  // the first pair that no warp has taken yet
+  unsigned long long next;     // the first pair that no warp has taken yet
+  unsigned long long sampled;  // pairs of a sample that touch (pair_estimate.h)
 };
 
 // Pairs are counted, and then written in an order that follows from the elements alone.

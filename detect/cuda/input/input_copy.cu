@@ -18,7 +18,7 @@ __global__ void sphere_kernel(DeviceSpheres source, std::uint32_t k, Sphere* out
 
 }  // namespace
 
-InputCopy::InputCopy(MemoryBook& book)
+InputCopy::InputCopy(MemoryBook& book, PosedBodies& posed)
     : centers_(book, "the spheres"),
       radii_(book, "the spheres"),
       static_(book, "what is static"),
@@ -28,7 +28,7 @@ InputCopy::InputCopy(MemoryBook& book)
       body_of_(book, "the bodies"),
       body_first_(book, "the bodies"),
       shape_first_(book, "the shapes"),
-      posed_(book),
+      posed_(posed),
       shapes_(book, "the shapes") {}
 
 DeviceSpheres InputCopy::source(const Input& input, cudaStream_t stream) {

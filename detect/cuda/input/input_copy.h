@@ -13,7 +13,7 @@ namespace padder::detect::cuda {
 // call to call: of a known revision only poses are copied.
 class InputCopy {
  public:
-  explicit InputCopy(MemoryBook& book);
+  InputCopy(MemoryBook& book, PosedBodies& posed);
   DeviceSpheres source(const Input& input, cudaStream_t stream);
   bool knows(const Input& input) const {  // by its revision
     return input.revision != 0 && input.revision == revision_ && input.bodies.size() == known_bodies_;
@@ -30,7 +30,7 @@ class InputCopy {
   HostCopy host_;
   Buffer<unsigned char> centers_, radii_, static_;
   Buffer<std::uint32_t> family_, mask_, world_, body_of_, body_first_, shape_first_;
-  PosedBodies posed_;
+  PosedBodies& posed_;
   Buffer<Sphere> shapes_;
   std::uint64_t revision_ = 0, known_bodies_ = 0;
   std::uint32_t known_placed_ = 0;

@@ -66,6 +66,7 @@ PosedBodies::PosedBodies(MemoryBook& book)
       host_moved_(book, "what moved", true) {}
 
 const Body* PosedBodies::read(const Input& input, cudaStream_t stream) {
+  if (read_) return bodies_.data();
   const std::uint64_t n = input.bodies.size();
   moving_ =
       std::count_if(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return !b.is_static; });
@@ -79,6 +80,7 @@ const Body* PosedBodies::read(const Input& input, cudaStream_t stream) {
     put_poses(on_device ? device_poses(input, poses_, stream) : poses_.data(), n, bodies,
               input.revision != 0 && some_static_, stream);
   }
+  read_ = true;
   return bodies;
 }
 

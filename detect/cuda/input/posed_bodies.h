@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Bodies on the device, each at its pose of the call. They are kept from call to call: of a known revision
-// only poses are brought. Only .cu files include this.
+// only poses are brought. All searches of a detector share them, so that a call that two searches try brings
+// them once. Only .cu files include this.
 #pragma once
 #include "detect/core/input.h"
 #include "detect/cuda/device/memory.h"
@@ -17,7 +18,9 @@ class PosedBodies {
  public:
   explicit PosedBodies(MemoryBook& book);
 
-  // Copies all of them.
+  // Before anything of a call is read.
+  void begin_call() { read_ = false; }
+  // Copies all of them, unless that was done in this call.
   const Body* read(const Input& input, cudaStream_t stream);
   // Brings the bodies of a known revision to their new poses. Poses that the caller keeps in host memory
   // stand in input.bodies by now (revision.h), and only those that moved go to the device. Throws Error for a
@@ -33,6 +36,7 @@ class PosedBodies {
   Body* bodies() { return bodies_.data(); }
 
  private:
+  bool read_ = false;         // in this call
   bool in_place_ = false;     // the poses of some bodies that move stayed where they were
   std::uint64_t moving_ = 0;  // bodies
   bool some_static_ = false;

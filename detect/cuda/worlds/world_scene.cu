@@ -131,9 +131,9 @@ void build_tree(const WorldTree& tree, TreeBox* nodes, cudaStream_t stream) {
 
 }  // namespace
 
-WorldInput::WorldInput(MemoryBook& book)
-    : copy_(book),
-      posed_(book),
+WorldInput::WorldInput(MemoryBook& book, PosedBodies& posed)
+    : copy_(book, posed),
+      posed_(posed),
       arrays_(book),
       elements_(book, "the pieces of bodies"),
       balls_(book, "the balls about bodies"),

@@ -62,7 +62,7 @@ struct WorldScene {
 // to call: of a known revision only poses are read.
 class WorldInput {
  public:
-  explicit WorldInput(MemoryBook& book);
+  WorldInput(MemoryBook& book, PosedBodies& posed);
 
   // What a search wants of its input.
   struct Wanted {
@@ -99,7 +99,7 @@ class WorldInput {
   std::vector<Element> host_elements_;
   Pieces host_pieces_;
   InputCopy copy_;
-  PosedBodies posed_;
+  PosedBodies& posed_;
   BodyArrays arrays_;
   Buffer<Element> elements_;
   Buffer<Sphere> balls_;

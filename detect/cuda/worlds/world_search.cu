@@ -332,8 +332,8 @@ __global__ void count_kernel(const unsigned long long* all, WorldAllowance allow
 
 }  // namespace
 
-WorldSearch::WorldSearch(MemoryBook& book)
-    : input_(book),
+WorldSearch::WorldSearch(MemoryBook& book, PosedBodies& posed)
+    : input_(book, posed),
       narrow_(book),
       near_pairs_(book, "the bodies that meet"),
       hits_(book, "the contacts"),

@@ -38,7 +38,7 @@ struct WorldTask {
 
 class WorldSearch {
  public:
-  explicit WorldSearch(MemoryBook& book);
+  WorldSearch(MemoryBook& book, PosedBodies& posed);
 
   // All contacts into call.list, their number and that of the spheres to `contacts`. False: more than is
   // allowed would have to be done. Throws Error.
