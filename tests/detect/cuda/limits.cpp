@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Linked into every test of the detector, so that all of them can run as on a smaller GPU, or another way:
-//   PADDER_TEST_SHARED_MEMORY=BYTES       a block has no more shared memory (101376, as on compute
-//   capability 8.6) PADDER_TEST_ALL_PAIRS=N               no more elements of bodies are searched without a
-//   grid (0: none) PADDER_TEST_PROGRAMMATIC_LAUNCH=0     no kernel begins before the previous one has ended
+//
+// - PADDER_TEST_SHARED_MEMORY=BYTES: a block has no more shared memory (101376, as on compute capability 8.6)
+// - PADDER_TEST_ALL_PAIRS=N: no more elements of bodies are searched without a grid (0: none)
+// - PADDER_TEST_PROGRAMMATIC_LAUNCH=0: no kernel begins before the previous one has ended
 #include <cstdlib>
 
 #include "detect/cuda/device/device.h"

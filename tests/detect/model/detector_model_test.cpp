@@ -194,17 +194,17 @@ class Sequence {
     const std::uint64_t limit = call.options.memory_limit;
     require(limit == 0 || detector_->memory() <= limit, "memory() is ", detector_->memory(),
             " under a limit of ", limit);
-    const bool range = out_of_range(call);
-    const bool must = (call.fault.kind != K::none && call.fault.kind != K::limit) || range;
-    require(threw || !must, "nothing was thrown");
-    require(!threw || must || call.fault.kind == K::limit, "it threw: ", said);
+    const Range range = range_of(call);
+    const bool faulty = call.fault.kind != K::none && call.fault.kind != K::limit;
+    require(threw || !(faulty || range == Range::too_large), "nothing was thrown");
+    require(!threw || faulty || range != Range::fits || call.fault.kind == K::limit, "it threw: ", said);
     if (threw || call.stages || call.answers)
       require(detector_->hash() == 0, "hash() is not 0 after a call without contacts");
     if (threw) {
       require(said.size() > 20 && said.find(' ') != said.npos, "no sentence: ", said);
-      require(range || said.find(call.fault.says) != said.npos, "the sentence is \"", said, "\", without \"",
-              call.fault.says, "\"");
-      if (!range && by_number(call.fault.kind)) check_sentence(call, said);
+      require(range != Range::fits || said.find(call.fault.says) != said.npos, "the sentence is \"", said,
+              "\", without \"", call.fault.says, "\"");
+      if (range == Range::fits && by_number(call.fault.kind)) check_sentence(call, said);
       return;
     }
     dirty_ = false;
@@ -243,15 +243,17 @@ class Sequence {
       check(c, call);
   }
 
-  bool out_of_range(const Call& call) const {
+  enum class Range { fits, may_be_refused, too_large };
+  Range range_of(const Call& call) const {
     const CallOptions& o = call.options;
-    if (call.answers) return false;
-    double extent = 0, radius = 0;
+    if (call.answers || o.width == Width::pairs || o.scalar == Scalar::f64) return Range::fits;
+    double extent = 0, radius = 0, reach = 0;
     for (const Seen& s : script_.spheres()) {
-      extent = std::max({extent, std::abs(s.sphere.x), std::abs(s.sphere.y), std::abs(s.sphere.z)});
-      radius = std::max(radius, s.sphere.r);
+      const double far = std::max({std::abs(s.sphere.x), std::abs(s.sphere.y), std::abs(s.sphere.z)});
+      extent = std::max(extent, far), radius = std::max(radius, s.sphere.r);
+      reach = std::max(reach, far + s.sphere.r);
     }
-    return o.width != Width::pairs && o.scalar == Scalar::f32 && extent + radius > 1e38;
+    return reach > 1e38 ? Range::too_large : extent + radius > 1e38 ? Range::may_be_refused : Range::fits;
   }
 
   void check(const Contacts& c, Call& call) {
