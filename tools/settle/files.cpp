@@ -62,7 +62,8 @@ Frame frame_of(const Stepper& stepper) {
 }
 
 // Families with which the loose spheres of a frame touch as those of the scene do. Each body has one, so that
-// its spheres do not touch each other. Static movers share one, unless theirs says who may not touch them.
+// its spheres do not touch each other: one without gets a number that nothing else has. Static movers share
+// one, unless theirs says who may not touch them.
 std::vector<std::uint32_t> families_of_movers(const System& s) {
   std::vector<std::uint32_t> families(s.movers());
   std::map<std::uint32_t, std::uint64_t> movers_in;
@@ -73,12 +74,19 @@ std::vector<std::uint32_t> families_of_movers(const System& s) {
                                            : s.grain_family[m - s.bodies.size()];
     movers_in[families[m]]++;
   }
-  std::uint32_t of_still = 33;  // the first that no mask can name
-  while (movers_in.contains(of_still)) of_still++;
+  std::uint32_t next = 33;  // the first that no mask can name
+  const auto unused = [&] {
+    while (movers_in.contains(next)) next++;
+    return next++;
+  };
+  const std::uint32_t of_still = unused();
   for (std::size_t m = 0; m < s.movers(); m++) {
-    const bool still = s.inverse_mass[m] == 0 && !(m < s.bodies.size() && s.driven[m]),
+    const bool body = m < s.bodies.size(), still = s.inverse_mass[m] == 0 && !(body && s.driven[m]),
                alone = families[m] == 0 || (families[m] >= 33 && movers_in[families[m]] == 1);
-    if (still && alone) families[m] = of_still;
+    if (still && alone)
+      families[m] = of_still;
+    else if (body && families[m] == 0)
+      families[m] = unused();
   }
   return families;
 }

@@ -145,11 +145,13 @@ with tempfile.TemporaryDirectory() as folder:
     told = run("settle", "deep.json", "--json")
     assert json.loads(told.stdout)["penetration_ratio"] < 0.11 and "stiffness" not in told.stderr, told
     # A frame says who may touch whom: two worlds, one family, two static bodies, a family that a mask names.
-    at = [[0, 0, 0.01], [0, 0, 0.01], [1, 0, 0.01], [1, 0, 0.01], [2, 0, 0.01], [2, 0, 0.01], [3, 0, 0.01], [3, 0, 0.01]]
-    tags = [{"world": 1}, {"world": 2}, {"family": 40}, {"family": 40}, {"static": True}, {"static": True}, {"family": 5}, {"mask": 16}]
+    # The two spheres of a body do not touch each other, also of one without a family and of a grain that is a body.
+    at = [[0, 0, 0.01], [0, 0, 0.01], [1, 0, 0.01], [1, 0, 0.01], [2, 0, 0.01], [2, 0, 0.01], [3, 0, 0.01], [3, 0, 0.01], [4, 0, 0.01]]
+    tags = [{"world": 1}, {"world": 2}, {"family": 40}, {"family": 40}, {"static": True}, {"static": True}, {"family": 5}, {"mask": 16}, {"family": 0}]
     write("apart.json", {**hung, "clusters": {"pill": "pill.spheres.json"}, "spheres": [],
                          "bodies": [{"cluster": "pill", "position": p, **t} for p, t in zip(at, tags)],
-                         "settle": {**hung["settle"], "duration": 0.001}})
+                         "settle": {**hung["settle"], "duration": 0.001, "grains": [
+                             {"count": 2, "cluster": "pill", "low": [5, 0, 0], "high": [5.1, 0.1, 0.1]}]}})
     report("apart.json", "-o", "apart.npz")
     assert json.loads(run("detect", "apart_0000.npz", "--json").stdout)["contacts"] == 0
     # A bushing that is damped far above critically has a step at which it runs.
