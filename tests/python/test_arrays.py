@@ -312,6 +312,31 @@ def test_memory_is_kept_while_it_is_read():
     assert loose(centers=OnlyDlpack(np.array(C)), radii=memoryview(np.array(R))) == loose()
 
 
+class Claims:
+    """An object that says where on a GPU its numbers are. Nothing reads them, because what it says is refused."""
+
+    def __init__(self, interface):
+        self.__cuda_array_interface__ = interface
+
+
+def test_a_device_array_that_does_not_describe_itself_is_told():
+    good = {"version": 3, "shape": (2, 3), "typestr": "<f4", "strides": None, "data": (4096, False)}
+    for key in ("shape", "typestr", "data"):
+        lacking = {k: v for k, v in good.items() if k != key}
+        for bad in (lacking, {**good, key: None}, {**good, key: 1.5}, {**good, key: ("x",)}):
+            with pytest.raises(TypeError, match=f'centers has a __cuda_array_interface__ whose "{key}" is missing or of another type'):
+                padder.detect(Claims(bad), 1.0)
+    for bad in (None, [], "f4"):
+        with pytest.raises(TypeError, match="that is no dict"):
+            padder.detect(Claims(bad), 1.0)
+    for bad in ({"shape": (-1, 3)}, {"strides": (12,)}, {"mask": Claims(good)}):
+        with pytest.raises(ValueError, match="centers"):
+            padder.detect(Claims({**good, **bad}), 1.0)
+    for typestr in (">f4", "<f16", "f", "<fx"):
+        with pytest.raises(TypeError, match="centers on a device must be"):
+            padder.detect(Claims({**good, "typestr": typestr}), [1.0, 1.0])
+
+
 def test_errors_are_pythons_own(tmp_path):
     for call in (padder.load, padder.pad_file):
         with pytest.raises(FileNotFoundError) as e:

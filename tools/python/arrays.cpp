@@ -77,9 +77,25 @@ const char* type_said(Kind kind) {
   return said[static_cast<std::size_t>(kind)];
 }
 
+// What the interface says under `key`, as a T.
+template <class T>
+T interface_entry(const py::dict& interface, const char* key, const char* name) {
+  try {
+    return interface[key].template cast<T>();
+  } catch (const std::exception&) {  // no such key, or something of another type under it
+  }
+  throw py::type_error(named(name, std::string("has a __cuda_array_interface__ whose \"") + key +
+                                       "\" is missing or of another type: it needs \"shape\", \"typestr\" "
+                                       "and \"data\""));
+}
+
 Array from_cuda(const py::object& object, const char* name) {
-  const py::dict d = object.attr("__cuda_array_interface__");
-  const std::string type = py::cast<std::string>(d["typestr"]);
+  const py::object interface = object.attr("__cuda_array_interface__");
+  if (!py::isinstance<py::dict>(interface))
+    throw py::type_error(named(name, "has a __cuda_array_interface__ that is no dict"));
+  const auto d = py::reinterpret_borrow<py::dict>(interface);
+  using Counts = std::vector<py::ssize_t>;
+  const auto type = interface_entry<std::string>(d, "typestr", name);
   if (type.size() < 3 || type.size() > 4 || type.find_first_not_of("0123456789", 2) != type.npos ||
       type[0] == '>')
     throw py::type_error(named(name, "on a device must be little-endian numbers, not " + type));
@@ -87,13 +103,16 @@ Array from_cuda(const py::object& object, const char* name) {
     throw py::value_error(named(name, "on a device has a mask: masked arrays cannot be read there"));
   Array a;
   a.keep = object, a.memory = detect::Memory::device;
-  a.data = reinterpret_cast<const char*>(py::cast<std::uintptr_t>(d["data"].cast<py::tuple>()[0]));
+  const auto [address, read_only] = interface_entry<std::pair<std::uintptr_t, bool>>(d, "data", name);
+  a.data = reinterpret_cast<const char*>(address);
   a.kind = type[1], a.size = std::stoi(type.substr(2));
-  a.shape = d["shape"].cast<std::vector<py::ssize_t>>();
+  a.shape = interface_entry<Counts>(d, "shape", name);
   const bool told = d.contains("strides") && !d["strides"].is_none();
-  a.strides = told ? d["strides"].cast<std::vector<py::ssize_t>>() : packed_strides(a.shape, a.size);
+  a.strides = told ? interface_entry<Counts>(d, "strides", name) : packed_strides(a.shape, a.size);
   if (a.strides.size() != a.shape.size())
     throw py::value_error(named(name, "must have one stride for each dimension"));
+  if (std::ranges::any_of(a.shape, [](py::ssize_t n) { return n < 0; }))
+    throw py::value_error(named(name, "must have no dimension below 0"));
   return a;
 }
 
