@@ -286,8 +286,11 @@ template <class Json>
 void JsonPlace<Json>::only(std::initializer_list<const char*> keys) const {
   object();
   for (auto it = at_->begin(); it != at_->end(); ++it)
-    if (std::find(keys.begin(), keys.end(), it.key()) == keys.end())
-      fail("the key " + key_text(it.key()) + " is unknown: see docs/scenes.md");
+    if (std::find(keys.begin(), keys.end(), it.key()) == keys.end()) {
+      std::string known;
+      for (const char* key : keys) known += std::string(known.empty() ? "" : ", ") + key;
+      fail("the key " + key_text(it.key()) + " is unknown: the keys here are " + known);
+    }
 }
 
 template <class Json>

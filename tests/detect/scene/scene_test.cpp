@@ -101,7 +101,9 @@ TEST_F(SceneTest, LooseSpheresFromEverySource) {
 }
 
 TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
-  refused(R"("bodys": [])", "s.json: the key \"bodys\" is unknown: see docs/scenes.md");
+  refused(R"("bodys": [])",
+          "s.json: the key \"bodys\" is unknown: the keys here are format, version, name, unit, clusters, "
+          "bodies, spheres, settle");
   refused(
       clusters_ +
           R"("bodies": [{"cluster": "p", "position": [0, 0, 0]}, {"cluster": "q", "position": [0, 0, 0]}])",
@@ -133,8 +135,10 @@ TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
   refused(R"("unit": "m", "unit": "mm")", "s.json: the key \"unit\" stands twice in one object: remove one");
   refused(R"("spheres": [{"generate": "dense", "count": 1, "count": 2}])",
           "s.json, spheres 0: the key \"count\" stands twice in one object: remove one");
-  refused("\"" + std::string(1000, 'k') + "\": 1",
-          "s.json: the key \"" + std::string(60, 'k') + "…\" is unknown: see docs/scenes.md");
+  refused(
+      "\"" + std::string(1000, 'k') + "\": 1",
+      "s.json: the key \"" + std::string(60, 'k') +
+          "…\" is unknown: the keys here are format, version, name, unit, clusters, bodies, spheres, settle");
   refused(R"("clusters": {"a": "b\u0000c"})",
           "s.json, clusters, a: the name of a file is wanted, not 'b\\x00c'");
   refused(R"("clusters": {"a\u0000b": 7})", "s.json, clusters, a\\x00b: a string is wanted");
