@@ -161,6 +161,8 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
     if (ending == ".sdf" || ending == ".world" || ending.starts_with(".usd"))
       fail(where, "robots and scenes are read from .urdf, .xacro and MJCF (.xml), not from " + ending +
                       ": convert it to one of these, or name its mesh files");
+    if (ending == ".urdf" || ending == ".xacro")
+      fail(where, "it is a robot, and a mesh is wanted: pad_robot takes it, pad_urdf in Python");
     std::string known;
     for (const std::string& e : mesh_endings()) known += (known.empty() ? "" : ", ") + e;
     fail(where, (ending.empty() ? "it has no ending" : "no mesh format is known by the ending " + ending) +

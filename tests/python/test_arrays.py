@@ -342,6 +342,10 @@ def test_errors_are_pythons_own(tmp_path):
         with pytest.raises(FileNotFoundError) as e:
             call(tmp_path / "absent.obj")
         assert e.value.filename == str(tmp_path / "absent.obj") and e.value.errno == 2
+    for call, name, said in ((padder.load, "part.obj", "in Python with pad_file"), (padder.pad_file, "arm.urdf", "pad_urdf in Python")):
+        (tmp_path / name).write_text("v 0 0 0\n")
+        with pytest.raises(padder.Error, match=said):
+            call(tmp_path / name)
     cluster = padder.pad(CUBE, FACES, edge_length="40%")
     with pytest.raises(FileNotFoundError):
         cluster.save(tmp_path / "absent" / "c.npz")

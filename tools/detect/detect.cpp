@@ -263,6 +263,11 @@ int run(Arguments& a) {
     throw UsageError("- is stdin or stdout of one process, and there are several ranks: name files");
   if (!printed && !a.format.empty())
     throw UsageError("--format is for -o -: the ending of a file tells its format");
+  if (a.scene.ends_with(".csv"))
+    throw UsageError(a.scene +
+                     ": spheres in a .csv are read as a block of a scene: name it in one, as \"spheres\": "
+                     "[{\"file\": \"" +
+                     a.scene + "\"}], or save them as .npz");
   if (a.copies > 0 && (a.scene.ends_with(".npy") || a.scene.ends_with(".npz")))
     throw UsageError("--copies is for a cluster, and " + a.scene + " is a file of spheres: leave it out");
   const std::string ending = std::filesystem::path(a.output).extension().string();

@@ -70,6 +70,9 @@ TEST_F(ListsTest, DemEngineCsvByHand) {
   EXPECT_THROW(read("x,y,z,r\n"), Error);
   EXPECT_THROW(read(""), Error);
   EXPECT_TRUE(refuses([&] { read("x,y,z,r\n1,2,3,4\n1,2,x,4\n"); }, "h.csv, line 3: \"x\" is not a number"));
+  write_file(folder_ / "part.OBJ", "v 0 0 0\n");
+  EXPECT_TRUE(refuses([&] { read_spheres(folder_ / "part.OBJ"); },
+                      "if it is a mesh, make spheres of it with pad, in Python with pad_file"));
 }
 
 TEST_F(ListsTest, Liggghts) {
