@@ -140,8 +140,8 @@ void check_meant(const PadOptions& options, const Box& box, const std::string& n
   const auto refuse = [&](const char* what, const Length& l, const std::string& why) {
     throw Error(
         name + ": " + named(what, l) + " " + why +
-        ": write a share of the diagonal as 5%, a length in the mesh's own unit without a sign; --force "
-        "accepts it as it is");
+        ": write a share of the diagonal with a % sign, as 5%, and a length in the mesh's own unit without "
+        "one; --force (force=True in Python) accepts it as it is");
   };
   const double widest = std::max(0.5 * thinnest, 0.1 * diagonal);
   std::vector<Length> tolerances = options.lod;

@@ -65,8 +65,8 @@ void declare_files(CLI::App& app, PadArguments& a) {
   app.add_option(
       "MESH", a.meshes,
       "mesh files (" + mesh_endings_text() +
-          "), robots (urdf xacro), or files of spheres, which are converted. Or folders of meshes, and "
-          "patterns in quotes: then as with --manifest. - reads one from stdin");
+          "), robots (urdf, xacro, MuJoCo's xml), or files of spheres, which are converted. Or folders of "
+          "meshes, and patterns in quotes: then as with --manifest. - reads one from stdin");
   app.add_option("-o", a.outputs,
                  "file to write, its ending tells the format (docs/formats.md), or folder for several "
                  "(default: NAME.spheres.json here). Again for each further format. - writes to stdout")
