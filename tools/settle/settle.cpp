@@ -199,7 +199,8 @@ Json report_of(const Stepper& stepper, const detect::RungChoice& rungs, const Wa
 void warn_of_soft_contacts(const Stepper& stepper) {
   constexpr double kSoft = 0.1;
   const double ratio = stepper.deepest_ratio_so_far(), stiffness = stepper.system().law.stiffness;
-  if (ratio <= kSoft) return;
+  // As it is printed below: an overlap of 0.101 would be "0.1", and the stiffness that helps the one that is.
+  if (ratio < 1.05 * kSoft) return;
   const auto number = [](double v) { return padder::short_number(v, 2); };
   std::fprintf(stderr,
                "settle: two spheres, or a sphere and a wall, overlapped by %s of the smaller radius: a "
@@ -221,17 +222,17 @@ void print(const Json& r) {
                 lod["spheres"].get<unsigned long long>(), lod["spheres_finest"].get<unsigned long long>(),
                 lod["error"].is_null() ? "their error is not proved"
                                        : ("within " + lod["error"].dump() + " of the finest").c_str());
-  std::printf("%llu contacts; fastest %.3g; deepest penetration %.2g of a radius; kinetic energy %.3g%s\n",
-              r["contacts"].get<unsigned long long>(), r["fastest"].get<double>(),
+  std::printf("%s; fastest %.3g; deepest penetration %.2g of a radius; kinetic energy %.3g%s\n",
+              counted(r["contacts"], "contact").c_str(), r["fastest"].get<double>(),
               r["penetration_ratio"].get<double>(), r["energy"]["kinetic"].get<double>(),
               r["at_rest"].get<bool>() ? "; at rest" : "");
   if (r.contains("page"))
     std::printf("%s: %llu frames, %llu spheres that can be seen, %.1f MB\n",
                 r["output"].get<std::string>().c_str(), r["frames"].get<unsigned long long>(),
                 r["page"]["spheres"].get<unsigned long long>(), r["page"]["bytes"].get<double>() / 1e6);
-  std::printf("%.2f s (%s), of which %.2f s in %llu detections; state %s\n", seconds,
-              r["backend"].get<std::string>().c_str(), detection, r["detections"].get<unsigned long long>(),
-              r["state"].get<std::string>().c_str());
+  std::printf("%.2f s (%s), of which %.2f s in %s; state %s\n", seconds,
+              r["backend"].get<std::string>().c_str(), detection,
+              counted(r["detections"], "detection").c_str(), r["state"].get<std::string>().c_str());
 }
 
 // Where the frames of a run go.
