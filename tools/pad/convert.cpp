@@ -79,9 +79,8 @@ Json run_convert(const PadArguments& a, const std::string& input, const PadTarge
 }
 
 void print_convert(const Json& report) {
-  std::printf("%s: %s, as %s\n", report["input"].get<std::string>().c_str(),
-              cli::counted(report["spheres"], "sphere").c_str(),
-              report["spheres"] == 1 ? "it is" : "they are");
+  std::printf("%s: %s, not padded again\n", report["input"].get<std::string>().c_str(),
+              cli::counted(report["spheres"], "sphere").c_str());
   for (const Json& output : report["outputs"]) std::printf("  wrote %s\n", output.get<std::string>().c_str());
 }
 
