@@ -328,16 +328,38 @@ void Stepper::integrate() {
   if (wild < n) explode_wild(static_cast<std::size_t>(wild));
 }
 
-void Stepper::explode_wild(std::size_t m) const {
-  fetch();
-  explode(
-      (m < s_.bodies.size() ? "body " + std::to_string(m) : "grain " + std::to_string(m - s_.bodies.size())) +
-      " has a speed of " + number(length(s_.velocity[m])) +
-      ", which is more than half the smallest radius in a step");
+std::string Stepper::name_of(std::size_t m) const {
+  return m < s_.bodies.size() ? "body " + std::to_string(m) : "grain " + std::to_string(m - s_.bodies.size());
 }
 
-void Stepper::explode_deep() const {
-  explode("two spheres, or a sphere and a wall, overlap by " + number(deepest_) + ", more than a radius");
+void Stepper::explode_wild(std::size_t m) const {
+  fetch();
+  explode(name_of(m) + " has a speed of " + number(length(s_.velocity[m])) +
+          ", which is more than half the smallest radius in a step");
+}
+
+// Names the two that overlap by the most radii as they lie now. A GPU may have moved them since.
+void Stepper::explode_deep() {
+  place();
+  std::string both = "two spheres, or a sphere and a wall,";
+  double depth = deepest_, worst = 1;
+  const auto look = [&](double by, double radius, const auto& names) {
+    if (by > worst * radius) both = names(), depth = by, worst = by / radius;
+  };
+  const auto [pairs, walls] = candidates();
+  for (const SpringMemory& m : pairs)
+    if (const detect::Sphere& a = centers_[m.i], &b = centers_[m.j]; detect::touching(a, b))
+      look(detect::geometry(a, b).depth, std::min(a.r, b.r),
+           [&] { return name_of(mover(m.i)) + " and " + name_of(mover(m.j)); });
+  for (const SpringMemory& m : walls) {
+    const Wall& wall = s_.walls[m.j];
+    const detect::Sphere& a = centers_[m.i];
+    look(contact_with(wall, center_of(a), a.r).depth, a.r, [&] {
+      return name_of(mover(m.i)) + " and " +
+             (wall.kind == Wall::Kind::plane ? "plane " + std::to_string(m.j) : "the cylinder");
+    });
+  }
+  explode(both + " overlap by " + number(depth) + ", more than a radius");
 }
 
 void Stepper::explode(const std::string& what) const {

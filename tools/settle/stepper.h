@@ -116,7 +116,8 @@ class Stepper {
   void step_on_device(std::uint64_t count);
   std::pair<std::vector<SpringMemory>, std::vector<SpringMemory>> candidates() const;
   void fetch() const;  // the state from the GPU, if it is newer there
-  [[noreturn]] void explode_deep() const;
+  std::string name_of(std::size_t mover) const;
+  [[noreturn]] void explode_deep();
   [[noreturn]] void explode_wild(std::size_t mover) const;
   [[noreturn]] void explode(const std::string& what) const;
 

@@ -374,7 +374,17 @@ with tempfile.TemporaryDirectory() as folder:
     deep = scene_of()
     deep["spheres"][0]["centers"] = [[0, 0, 0.05], [0, 0, 0.0501]]
     write("deep.json", deep)
-    refused("exploded in step 0", "deep.json")
+    refused("exploded in step 0 (time 0): grain 0 and grain 1 overlap by 0.0179, more than a radius", "deep.json")
+    deep["spheres"][0]["centers"] = [[0, 0, 0.5], [0, 0, -0.01]]
+    write("deep.json", deep)
+    refused("grain 1 and plane 0 overlap by 0.019,", "deep.json")
+    deep["bodies"][3]["position"] = [0.03, 0.003, 0.03]
+    deep["settle"]["planes"], deep["settle"]["cylinder"] = [], {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.5}
+    write("deep.json", deep)
+    refused("body 1 and body 3 overlap by", "deep.json")
+    deep["bodies"][3]["position"] = [0.8, 0, 0.03]
+    write("deep.json", deep)
+    refused("body 3 and the cylinder overlap by", "deep.json")
     bare = scene_of()
     del bare["settle"]
     write("bare.json", bare)
