@@ -112,11 +112,18 @@ CLI::Option* add_whole(CLI::App& app, const std::string& name, Value& value, con
   return app.add_option(name, value, what)->type_name("N")->check(CLI::Validator(fault, taken));
 }
 
-// For programs that take spheres: people give them the mesh.
-inline CLI::Validator no_mesh() {
-  return {[](const std::string& text) {
-            if (!has_mesh_ending(text)) return std::string();
-            return '"' + text + "\" is a mesh: make spheres of it first, with pad " + text;
+// For programs that take a scene: people give them the mesh, or a file of spheres with one of these endings,
+// which only a scene can name.
+inline CLI::Validator scene_file(std::vector<std::string> in_scenes_alone) {
+  return {[=](const std::string& text) {
+            if (has_mesh_ending(text))
+              return '"' + text + "\" is a mesh: make spheres of it first, with pad " + text;
+            for (const std::string& ending : in_scenes_alone)
+              if (text.ends_with(ending))
+                return '"' + text +
+                       "\" holds spheres alone: name it in a scene, as \"spheres\": [{\"file\": \"" + text +
+                       "\"}]";
+            return std::string();
           },
           ""};
 }

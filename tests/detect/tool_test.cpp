@@ -218,10 +218,9 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
   EXPECT_EQ(run("part.stl").err,
             "detect: SCENE: \"part.stl\" is a mesh: make spheres of it first, with pad part.stl (see detect "
             "--help)\n");
-  EXPECT_EQ(
-      run("s.csv").err,
-      "detect: s.csv: spheres in a .csv are read as a block of a scene: name it in one, as \"spheres\": "
-      "[{\"file\": \"s.csv\"}], or save them as .npz\n");
+  EXPECT_EQ(run("s.csv").err,
+            "detect: SCENE: \"s.csv\" holds spheres alone: name it in a scene, as \"spheres\": [{\"file\": "
+            "\"s.csv\"}] (see detect --help)\n");
 }
 
 TEST_F(DetectTool, AFullDiskIsASentence) {

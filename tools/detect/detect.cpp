@@ -38,7 +38,7 @@ void declare(CLI::App& app, Arguments& a, std::string& memory) {
                  "a scene (.json), a cluster (.spheres.json), or a file of spheres (.npy, .npz); - reads a "
                  "scene or a cluster from stdin")
       ->required()
-      ->check(padder::cli::no_mesh());
+      ->check(padder::cli::scene_file({".csv"}));
   padder::cli::add_whole(app, "--copies", a.copies, "of a cluster: a jittered pile of N bodies", 1,
                          0xfffffffe);
   a.backend.add(app, "--backend", "auto takes the GPU when there is one");
@@ -263,11 +263,6 @@ int run(Arguments& a) {
     throw UsageError("- is stdin or stdout of one process, and there are several ranks: name files");
   if (!printed && !a.format.empty())
     throw UsageError("--format is for -o -: the ending of a file tells its format");
-  if (a.scene.ends_with(".csv"))
-    throw UsageError(a.scene +
-                     ": spheres in a .csv are read as a block of a scene: name it in one, as \"spheres\": "
-                     "[{\"file\": \"" +
-                     a.scene + "\"}], or save them as .npz");
   if (a.copies > 0 && (a.scene.ends_with(".npy") || a.scene.ends_with(".npz")))
     throw UsageError("--copies is for a cluster, and " + a.scene + " is a file of spheres: leave it out");
   const std::string ending = std::filesystem::path(a.output).extension().string();

@@ -47,7 +47,7 @@ void declare(CLI::App& app, Arguments& a) {
                                                   {"side", padder::Show::side}};
   app.add_option("INPUT", a.input, "a cluster (.spheres.json) or a scene (.json); - reads it from stdin")
       ->required()
-      ->check(padder::cli::no_mesh());
+      ->check(padder::cli::scene_file({".csv"}));
   app.add_option("-o", a.output, "file to write: .html for a page, .png for a picture; - writes to stdout")
       ->required()
       ->type_name("FILE");

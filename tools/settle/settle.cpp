@@ -44,7 +44,7 @@ void declare(CLI::App& app, Arguments& a) {
   using padder::cli::whole;
   app.add_option("SCENE", a.scene,
                  "a scene (.json) with an object \"settle\": docs/detector/settle.md; - reads it from stdin")
-      ->check(padder::cli::no_mesh());
+      ->check(padder::cli::scene_file({".csv", ".npy", ".npz"}));
   app.add_option("-o", a.output,
                  "frames: .html for a page that plays, .npz or .vtp for NAME_0000 and so on; with --make the "
                  "scene (.json); - writes a page to stdout")

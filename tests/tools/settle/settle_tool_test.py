@@ -385,6 +385,7 @@ with tempfile.TemporaryDirectory() as folder:
     deep["bodies"][3]["position"] = [0.8, 0, 0.03]
     write("deep.json", deep)
     refused("body 3 and the cylinder overlap by", "deep.json")
+    refused('"out_0002.npz" holds spheres alone: name it in a scene', "out_0002.npz", code=2)
     bare = scene_of()
     del bare["settle"]
     write("bare.json", bare)
