@@ -286,6 +286,9 @@ class UrdfReader {
     const std::string where = "link " + excerpt(link.name);
     if (link.name.empty()) fail("a <link> has no name");
     if (!index_.emplace(link.name, links_.size()).second) fail("two links are called " + excerpt(link.name));
+    const auto leave_out = [&](const char* point) {
+      robot.notes.push_back(link.name + ": a " + point + ", which is a point, was left out");
+    };
     for (const auto& element : node.children(kind)) {
       const pugi::xml_node geometry = only_child(element, "geometry", where);
       check_shapes(geometry, where);
@@ -297,7 +300,11 @@ class UrdfReader {
         if ((shape.scale.array() == 0).any()) fail(where + ": a mesh has a scale of 0");
       } else if (const auto box = geometry.child("box")) {
         shape.type = RobotShape::Type::box;
-        shape.size = three(box.attribute("size"), Vector::Zero(), where);
+        shape.size = three(box.attribute("size"), Vector::Constant(-1), where);
+        if (shape.size.isZero(0)) {  // of links that stand for a place, as the base of Kinova's arms
+          leave_out("box of size 0");
+          continue;
+        }
         if (!(shape.size.minCoeff() > 0)) fail(where + ": a box has no positive size");
       } else if (const auto cylinder = geometry.child("cylinder")) {
         shape.type = RobotShape::Type::cylinder;
@@ -309,7 +316,7 @@ class UrdfReader {
         shape.size = {r, r, positive(capsule, "length", where)};
       } else if (const auto sphere = geometry.child("sphere")) {
         if (one(sphere, "radius", where) == 0) {  // a place where Drake looks for contacts
-          robot.notes.push_back(link.name + ": a sphere of radius 0, which is a point, was left out");
+          leave_out("sphere of radius 0");
           continue;
         }
         shape.type = RobotShape::Type::sphere;

@@ -166,12 +166,18 @@ TEST_F(PadFormatsTest, ARobotThatContradictsItselfIsASentence) {
             "pad: j.urdf: joint j: the joints that it mimics go round in a circle at j\n");
   EXPECT_EQ(joints("", "--joint j=99"), "pad: j.urdf: --joint j: its limits are from -1 to 1 radians\n");
   EXPECT_EQ(joints("", "--joint k=0"), "pad: j.urdf: --joint k: it follows the joint j: place that one\n");
-  write_file(folder_ / "p.urdf",
-             "<robot name='r'><link name='a'><collision><geometry><sphere radius='0'/></geometry></collision>"
-             "</link></robot>");
+  const auto point = [&](const std::string& shape) {
+    write_file(folder_ / "p.urdf", "<robot name='r'><link name='a'><collision><geometry><" + shape +
+                                       "/></geometry></collision></link></robot>");
+    return pad("p.urdf").output;
+  };
   EXPECT_EQ(
-      pad("p.urdf").output,
+      point("sphere radius='0'"),
       "pad: p.urdf: no link has any geometry (a: a sphere of radius 0, which is a point, was left out)\n");
+  EXPECT_EQ(point("box size='0 0 0'"),
+            "pad: p.urdf: no link has any geometry (a: a box of size 0, which is a point, was left out)\n");
+  EXPECT_EQ(point("box size='0 1 1'"), "pad: p.urdf: link a: a box has no positive size\n");
+  EXPECT_EQ(point("box"), "pad: p.urdf: link a: a box has no positive size\n");
 }
 
 TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
