@@ -15,6 +15,12 @@ std::string slashed(std::string name) {
   return name;
 }
 
+fs::path file_in(const fs::path& folder, const std::string& name) {
+  std::error_code code;
+  const fs::path file = folder / name;
+  return fs::is_regular_file(file, code) ? file : folder / slashed(name);
+}
+
 std::string in_other_case(const fs::path& file) {
   std::error_code code;
   fs::path at;

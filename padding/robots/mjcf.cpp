@@ -110,9 +110,7 @@ class MjcfReader {
     std::string name = node.attribute("file").as_string();
     if (file_.compiler("strippath", "false") == "true") name.erase(0, name.find_last_of("/\\") + 1);
     const fs::path folder = file_.compiler("meshdir", file_.compiler("assetdir", "").c_str());
-    const fs::path home = fs::absolute(path_).parent_path(), file = home / folder / name;
-    std::error_code code;
-    return fs::is_regular_file(file, code) ? file : home / reading::slashed((folder / name).string());
+    return reading::file_in(fs::absolute(path_).parent_path(), (folder / name).string());
   }
 
   void add_mesh(xml_node node) {

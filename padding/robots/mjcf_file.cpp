@@ -10,6 +10,7 @@
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/import/xml.h"
+#include "padding/robots/mesh_file.h"
 
 namespace padder::reading {
 
@@ -71,7 +72,7 @@ void MjcfFile::follow_includes(pugi::xml_node node, std::vector<std::string>& se
       if (std::find(seen.begin(), seen.end(), name) != seen.end())
         fail(child, "the file " + excerpt(name) + " is included twice");
       seen.push_back(name);
-      const fs::path file = path_.parent_path() / name;
+      const fs::path file = file_in(path_.parent_path(), name);
       included_.push_back(file);
       pugi::xml_document part;
       try {

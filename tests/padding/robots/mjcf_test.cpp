@@ -384,6 +384,8 @@ TEST_F(MjcfTest, BackslashesSeparateFolders) {
   EXPECT_EQ(mesh("<compiler meshdir='meshes' strippath='true'/>", "C:\\parts\\tet.obj"),
             folder_ / "meshes/tet.obj");
   EXPECT_TRUE(refuses([&] { mesh("", "meshes/Tet.obj"); }, "meshes/tet.obj is there"));
+  write_file(folder_ / "meshes/part.xml", "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>");
+  EXPECT_EQ(read_mjcf(put("<include file='meshes\\part.xml'/>")).links[0].shapes.size(), 1u);
 }
 
 // As a mesh file that is not there.
