@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "padding/asset/error.h"
@@ -14,6 +15,7 @@
 #include "padding/input/text.h"
 #include "padding/robots/mesh_file.h"
 #include "padding/robots/mjcf_file.h"
+#include "padding/robots/solid_inertia.h"
 #include "padding/robots/urdf.h"
 
 namespace padder {
@@ -66,7 +68,7 @@ class MjcfReader {
       for (const xml_node& actuator : section.children()) add_effort(actuator);
     keep_apart();
     if (planes_ > 0) note("planes and height fields, which are left out: " + std::to_string(planes_));
-    note_masses();
+    add_masses();
     if (!unlimited_.empty())
       note("joints that slide without limits, which random poses do not try: " + listed(unlimited_));
     note_left_out();
@@ -348,20 +350,51 @@ class MjcfReader {
     return links;
   }
 
-  // MuJoCo gives a body without <inertial> the mass of its geoms.
-  void note_masses() {
+  // Of the geom as MuJoCo weighs it; nothing where that needs a mesh or is a shell's.
+  std::optional<Inertial> inertial_of(const Geom& geom) const {
+    const MjcfElement& e = geom.element;
+    const auto range = importing::numbers_in(file_.compiler("inertiagrouprange", "0 5"));
+    const double group = file_.number(e, "group", 0), density = file_.number(e, "density", 1000);
+    const double mass = file_.number(e, "mass", -1);  // below 0: none is stated
+    const bool counts = !range || range->size() != 2 || (group >= (*range)[0] && group <= (*range)[1]);
+    if (!counts || mass == 0 || (mass < 0 && density == 0)) return Inertial{};
+    const std::string type = e.text("type", "sphere");
+    if (e.attribute("mesh") || type == "mesh" || type == "sdf" || e.text("shellinertia") == "true") return {};
+    const RobotShape shape = shape_of(geom);
+    return reading::solid_inertia(shape, mass > 0 ? mass : density * reading::volume_of(shape));
+  }
+
+  // MuJoCo gives a body without <inertial> the mass of its geoms, those to look at included.
+  void add_masses() {
+    std::map<std::size_t, std::vector<Inertial>> parts;
+    std::set<std::size_t> unknown;
+    for (const Geom& geom : geoms_) {
+      if (geom.link == 0 || robot_.model.bodies[geom.link].inertial) continue;  // the world has no mass
+      const auto part = inertial_of(geom);
+      if (part)
+        parts[geom.link].push_back(*part);
+      else
+        unknown.insert(geom.link);
+    }
     std::vector<std::string> padded, bare;
-    for (const std::size_t link : links_of_geoms())
-      if (link > 0 && !robot_.model.bodies[link].inertial)  // the world has no mass
-        (robot_.links[link].shapes.empty() ? bare : padded).push_back(robot_.links[link].name);
+    for (const std::size_t link : unknown)
+      (robot_.links[link].shapes.empty() ? bare : padded).push_back(robot_.links[link].name);
+    for (const auto& [link, geoms] : parts) {
+      if (unknown.contains(link)) continue;
+      const Inertial sum = reading::sum_of(geoms);
+      // A mass of 0 is said only where spheres would get another one.
+      if (sum.mass > 0 || !robot_.links[link].shapes.empty()) robot_.model.bodies[link].inertial = sum;
+    }
     scale_masses(padded.empty() ? bare : padded);
     if (!padded.empty())
-      note("bodies without <inertial>, whose mass follows from a density and not from their geoms: " +
-           listed(padded));
+      note(
+          "bodies without <inertial> that have meshes or shells, so that their mass follows from a density "
+          "and not from their geoms: " +
+          listed(padded));
     if (!bare.empty())
       note(
-          "bodies without <inertial> and without spheres, which get no mass, though MuJoCo gives them that "
-          "of their geoms: " +
+          "bodies without <inertial> and without spheres that have meshes or shells, which get no mass, "
+          "though MuJoCo gives them that of their geoms: " +
           listed(bare));
   }
 

@@ -21,14 +21,16 @@ namespace padder {
 // * Of the rest, as loops, tendons and sensors, a note lists what was left out.
 // * The file: default classes, childclass, `include`, `frame`, and of the compiler angle, eulerseq, meshdir,
 //   assetdir, strippath and settotalmass.
-// * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets its mass from a density,
-//   not from its geoms, and none if it gets no spheres. A note says so.
+// * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets that of its geoms, also
+// of
+//   those that are not padded. If one of them is a mesh or a shell whose mass is not 0, it gets its mass from
+//   a density, and none if it gets no spheres. A note says so.
 //
 // Throws Error, which names the file and the element, for what changes the shape and is not read:
 // coordinate="global", `replicate`, `composite`, `flexcomp`, `attach`, meshes whose vertices stand in the
 // file, geoms that are fitted to a mesh, joints in a `frame`. It also throws for what MuJoCo refuses: no
 // number where one should be, a class or mesh that is not there, a name twice, a mesh file that is not there.
-// Of geoms that are not padded, the shapes are not read.
+// Of meshes that are not padded, the files are not read.
 RobotTree read_mjcf(const std::filesystem::path& path, const RobotReadOptions& options = {});
 
 // Is it a robot to be padded, and not a file of spheres? A .urdf, a .xacro and a .xml are, in any case of
