@@ -85,6 +85,12 @@ Cluster spheres_of(const RobotLink& link, const fs::path& file) {
   return c;
 }
 
+// Of the shape that the spheres stand for; without moments where it encloses nothing.
+Inertial inertial_for(const Cluster& c, double mass) {
+  if (!(c.mass.volume > 0)) return {mass, 0.5 * (c.bounds.low + c.bounds.high)};
+  return {mass, c.mass.center, mass / c.mass.volume * c.mass.inertia};
+}
+
 // Does repair find a cavity in the mesh of one shape? Where it fails, it says so when the link is padded.
 bool has_cavity(const Mesh& mesh) try {
   return find_pieces(mesh).pieces.size() > 1 && repair(mesh, {}, "").steps.cavities > 0;
@@ -335,8 +341,11 @@ PaddedRobot pad_robot(const fs::path& path, RobotTree robot, const PadOptions& a
     store(links.tasks()[t].link, std::move(padded[t].cluster));
     out.reports[links.tasks()[t].link] = std::move(padded[t].report);
   }
-  for (std::size_t k = 0; k < robot.links.size(); k++)
+  for (std::size_t k = 0; k < robot.links.size(); k++) {
     robot.model.bodies[k].cluster.name = robot.links[k].name;
+    if (const double mass = robot.links[k].mass; mass > 0)
+      robot.model.bodies[k].inertial = inertial_for(robot.model.bodies[k].cluster, mass);
+  }
   for (Apart& pair : self_collisions(robot.model, {.poses = whole.poses})) robot.model.apart.push_back(pair);
   out.model = std::move(robot.model);
   return out;

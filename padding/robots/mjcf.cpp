@@ -350,42 +350,57 @@ class MjcfReader {
     return links;
   }
 
-  // Of the geom as MuJoCo weighs it; nothing where that needs a mesh or is a shell's.
-  std::optional<Inertial> inertial_of(const Geom& geom) const {
+  // Of a mesh or a shell only a stated mass is known.
+  struct Weight {
+    std::optional<double> mass;
+    std::optional<Inertial> inertial;
+  };
+
+  // As MuJoCo weighs the geom.
+  Weight weight_of(const Geom& geom) const {
     const MjcfElement& e = geom.element;
     const auto range = importing::numbers_in(file_.compiler("inertiagrouprange", "0 5"));
     const double group = file_.number(e, "group", 0), density = file_.number(e, "density", 1000);
     const double mass = file_.number(e, "mass", -1);  // below 0: none is stated
     const bool counts = !range || range->size() != 2 || (group >= (*range)[0] && group <= (*range)[1]);
-    if (!counts || mass == 0 || (mass < 0 && density == 0)) return Inertial{};
+    if (!counts || mass == 0 || (mass < 0 && density == 0)) return {0, Inertial{}};
     const std::string type = e.text("type", "sphere");
-    if (e.attribute("mesh") || type == "mesh" || type == "sdf" || e.text("shellinertia") == "true") return {};
+    if (e.attribute("mesh") || type == "mesh" || type == "sdf" || e.text("shellinertia") == "true")
+      return {mass > 0 ? std::optional(mass) : std::nullopt, {}};
     const RobotShape shape = shape_of(geom);
-    return reading::solid_inertia(shape, mass > 0 ? mass : density * reading::volume_of(shape));
+    const Inertial solid =
+        reading::solid_inertia(shape, mass > 0 ? mass : density * reading::volume_of(shape));
+    return {solid.mass, solid};
   }
 
   // MuJoCo gives a body without <inertial> the mass of its geoms, those to look at included.
   void add_masses() {
     std::map<std::size_t, std::vector<Inertial>> parts;
-    std::set<std::size_t> unknown;
+    std::set<std::size_t> without_mass, without_moments;
     for (const Geom& geom : geoms_) {
       if (geom.link == 0 || robot_.model.bodies[geom.link].inertial) continue;  // the world has no mass
-      const auto part = inertial_of(geom);
-      if (part)
-        parts[geom.link].push_back(*part);
-      else
-        unknown.insert(geom.link);
+      const Weight weight = weight_of(geom);
+      parts[geom.link].push_back(weight.inertial.value_or(Inertial{weight.mass.value_or(0)}));
+      if (!weight.mass) without_mass.insert(geom.link);
+      if (!weight.inertial) without_moments.insert(geom.link);
     }
-    std::vector<std::string> padded, bare;
-    for (const std::size_t link : unknown)
-      (robot_.links[link].shapes.empty() ? bare : padded).push_back(robot_.links[link].name);
-    for (const auto& [link, geoms] : parts) {
-      if (unknown.contains(link)) continue;
+    std::vector<std::string> shaped, padded, bare;
+    for (const auto& [index, geoms] : parts) {
+      RobotLink& link = robot_.links[index];
       const Inertial sum = reading::sum_of(geoms);
-      // A mass of 0 is said only where spheres would get another one.
-      if (sum.mass > 0 || !robot_.links[link].shapes.empty()) robot_.model.bodies[link].inertial = sum;
+      if (without_moments.contains(index) && link.shapes.empty())
+        bare.push_back(link.name);
+      else if (without_mass.contains(index))
+        padded.push_back(link.name);
+      else if (without_moments.contains(index))
+        shaped.push_back(link.name), link.mass = sum.mass;
+      else if (sum.mass > 0 || !link.shapes.empty())  // 0 is said only where spheres would get another mass
+        robot_.model.bodies[index].inertial = sum;
     }
     scale_masses(padded.empty() ? bare : padded);
+    if (!shaped.empty())
+      note("bodies whose geoms state a mass, and whose moments follow from the shape that is padded: " +
+           listed(shaped));
     if (!padded.empty())
       note(
           "bodies without <inertial> that have meshes or shells, so that their mass follows from a density "
@@ -437,6 +452,7 @@ class MjcfReader {
     const double asked = numbers && numbers->size() == 1 ? numbers->front() : -1;
     double sum = 0;
     for (const Body& b : robot_.model.bodies) sum += b.inertial ? b.inertial->mass : 0;
+    for (const RobotLink& link : robot_.links) sum += link.mass;
     if (!(asked > 0)) return;
     if (!unknown.empty()) {
       note("settotalmass, which is left out, since not all masses are stated");
@@ -444,6 +460,8 @@ class MjcfReader {
     }
     for (Body& b : robot_.model.bodies)
       if (b.inertial && sum > 0) b.inertial->mass *= asked / sum, b.inertial->inertia *= asked / sum;
+    for (RobotLink& link : robot_.links)
+      if (sum > 0) link.mass *= asked / sum;
   }
 
   Joint* joint_named(const std::string& name) {

@@ -21,10 +21,11 @@ namespace padder {
 // * Of the rest, as loops, tendons and sensors, a note lists what was left out.
 // * The file: default classes, childclass, `include`, `frame`, and of the compiler angle, eulerseq, meshdir,
 //   assetdir, strippath and settotalmass.
-// * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets that of its geoms, also
-// of
-//   those that are not padded. If one of them is a mesh or a shell whose mass is not 0, it gets its mass from
-//   a density, and none if it gets no spheres. A note says so.
+// * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets that of its geoms, seen
+// or
+//   touching. If a mesh or a shell is among them, its moments follow from the shape that is padded, and so
+//   does its mass, with a density, unless all of them state one. Without spheres such a body has no mass.
+//   Notes say so.
 //
 // Throws Error, which names the file and the element, for what changes the shape and is not read:
 // coordinate="global", `replicate`, `composite`, `flexcomp`, `attach`, meshes whose vertices stand in the

@@ -24,10 +24,11 @@ struct RobotShape {
   Vector size = Vector::Zero();
 };
 
-// A link and its shapes. Its mass is in the model.
+// A link and its shapes. Its mass is in the model, if its moments are stated, too.
 struct RobotLink {
   std::string name;
   std::vector<RobotShape> shapes;  // to be padded
+  double mass = 0;                 // if above 0: the mass, whose moments follow from the shapes
 };
 
 // The bodies have no spheres yet. Parents come first, and links[k] belongs to model.bodies[k].

@@ -418,6 +418,23 @@ TEST_F(MjcfTest, MassesThatNeedAMeshAreNotKnown) {
   EXPECT_NE(bare.notes.at(1).find("which get no mass, though MuJoCo gives them that of their geoms: a"),
             std::string::npos);
   EXPECT_EQ(read("mass='0'/>").model.bodies[1].inertial->mass, 0);  // stated, and no density takes its place
+  // A stated mass is kept, and the shape gives the moments: a tetrahedron's, and a cube's of density 1000.
+  const fs::path file =
+      put("<compiler settotalmass='30'/><asset><mesh file='tet.obj'/></asset><worldbody><body "
+          "name='a'><joint/><geom "
+          "type='mesh' mesh='tet' mass='2'/></body><body pos='5 0 0'><joint/><geom type='box' size='.1 .1 "
+          ".1'/></body></worldbody>");
+  EXPECT_EQ(read_mjcf(file).notes.at(0),
+            "bodies whose geoms state a mass, and whose moments follow from the shape that is padded: a");
+  PadOptions options;
+  options.tolerance = Length::share(0.1);
+  const PaddedRobot r = pad_robot(file, options);
+  const Inertial& tet = *r.model.bodies[1].inertial;
+  EXPECT_NEAR(tet.mass, 6, 1e-12);
+  EXPECT_LT((tet.center - Vector::Constant(0.25)).norm(), 1e-6);
+  EXPECT_NEAR(tet.inertia(0, 0), 6 * 3 / 40., 1e-6);
+  EXPECT_NEAR(tet.inertia(0, 1), 6 / 80., 1e-6);
+  EXPECT_NEAR(r.model.bodies[2].inertial->mass, 24, 1e-9);
 }
 
 TEST_F(MjcfTest, BackslashesSeparateFolders) {
