@@ -168,6 +168,7 @@ std::string words(const Repaired& body, RepairMode mode, double diagonal) {
   RepairReport report;
   const RepairSteps& s = body.steps;
   const double area = body.mesh.area();
+  constexpr double crumbs = 1e-5;  // of the area: not worth a word, and in RepairSteps all the same
   if (s.repeated > 0) report.add("dropped " + count_of(s.repeated, "duplicate triangle"));
   if (s.turned > 0) report.add("turned " + count_of(s.turned, "triangle"));
   if (s.turned_pieces > 0)
@@ -188,14 +189,13 @@ std::string words(const Repaired& body, RepairMode mode, double diagonal) {
                     ? std::string("made one body of a piece that crosses itself (")
                     : "made one body of " + count_of(s.pieces, "piece") + " that cross or touch (") +
                count_of(s.crossing_pairs, "pair") + " of triangles)");
-  if (s.crossing_pairs == 0 && s.buried_area > 0)
+  if (s.crossing_pairs == 0 && s.buried_area > crumbs * area)
     report.add("left out walls inside (" + percent(s.buried_area / (area + s.buried_area)) +
                " of the surface)");
   if (s.copies > 0)
     report.add("took " + count_of(s.copies, "inner shell") +
                " for a copy or a coarser level of the one around it");
   if (s.cavities > 0) report.add(cavities_text(s.cavities));
-  constexpr double crumbs = 1e-5;  // of the area: not worth a word, and in RepairSteps all the same
   if (body.kind == BodyKind::sheet || s.sheet_area > crumbs * area) {
     std::string why;
     if (s.sheet_pieces > 0 && s.sheet_rim > 0) {

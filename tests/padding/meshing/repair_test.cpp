@@ -31,6 +31,21 @@ double volume(const Repaired& r) { return mass_properties(r.mesh).volume; }
 
 const Mesh kCube = shapes::box({0, 0, 0}, {1, 1, 1}, 4);
 
+TEST(Repair, WallsInsideThatAreTooSmallToSeeAreNotWorthAWord) {
+  Mesh mesh = kCube;
+  const auto [a, b, c] = mesh.triangles[0];
+  const auto foot = static_cast<std::uint32_t>(mesh.points.size()), top = foot + 1;
+  mesh.points.push_back(mesh.points[a] + 1e-3 * (mesh.middle(0) - mesh.points[a]));
+  mesh.points.push_back(mesh.points[foot] - 1e-3 * mesh.area_normal(0).normalized());
+  mesh.triangles[0] = {a, b, foot};
+  for (const Corners& t : {Corners{b, c, foot}, Corners{c, a, foot}, Corners{a, foot, top}})
+    mesh.triangles.push_back(t);
+  const Repaired r = repair(mesh, {}, "cube");
+  EXPECT_EQ(r.report, "none needed");
+  EXPECT_GT(r.steps.buried_area, 0);
+  EXPECT_NEAR(r.boundary().area(), 6, 1e-12);
+}
+
 TEST(Repair, ACleanSolidIsLeftAlone) {
   const Repaired r = repair(kCube, {}, "cube");
   EXPECT_EQ(r.kind, BodyKind::solid);
