@@ -30,7 +30,7 @@ std::string too_small() {
 // bisected are on the whole about a third smaller than that.
 struct SamplePart : TrianglePart {
   double disc = 0;    // radius of the disc that the ball grown nearby covers
-  double radius = 0;  // of a medial ball nearby, or 0: not known
+  double radius = 0;  // of a medial ball nearby, or of a smaller one; 0: not known
   double apart = 1;   // so many times as far apart do cover points stand; above 1 in a crowd
 };
 
@@ -144,11 +144,12 @@ class Sampler {
 
  private:
   double part_size(double disc, double density) const { return 1.43 * disc / density; }
-  Ball ball_at(const SamplePart& part) const {
+  // The medial ball of a part, or one of the radius `largest` that fits in.
+  Ball ball_at(const SamplePart& part, double largest) const {
     const double guess = part.radius > 0 ? 1.2 * part.radius + options_.tolerance_sum : 0;
     return inner_medial_ball(surface_, part.centroid(),
-                             surface_.mesh().area_normal(part.triangle).normalized(), largest_,
-                             kMedialTolerance * options_.tolerance_sum, guess);
+                             surface_.mesh().area_normal(part.triangle).normalized(),
+                             std::min(largest, largest_), kMedialTolerance * options_.tolerance_sum, guess);
   }
 
   static void check(double parts) {
@@ -158,8 +159,11 @@ class Sampler {
   // Bisects the triangles until the size of each part is about the spacing of the balls there.
   std::vector<SamplePart> cut() const {
     const Mesh& mesh = surface_.mesh();
-    const auto wanted = [&](double r) {
-      return part_size(covered_disc(r, options_.tolerance_sum), options_.grown_density);
+    const double sum = options_.tolerance_sum;
+    const auto wanted = [&](double r) { return part_size(covered_disc(r, sum), options_.grown_density); };
+    const auto radius_for = [&](double size) {  // wanted(radius_for(size)) == size
+      const double disc = size / part_size(1, options_.grown_density);
+      return 0.5 * (disc * disc / sum - sum);
     };
     const double finest = wanted(0), coarsest = wanted(largest_);
     check(mesh.area() / (coarsest * coarsest));
@@ -189,7 +193,10 @@ class Sampler {
         // The radius is that of the larger part that this one was cut from. Where it says that this one is
         // too large, too, or near the finest size, splitting costs less than finding the ball.
         const bool known = part.radius > 0 && size > wanted(part.radius);
-        if (!known && size >= 2.5 * finest && size <= coarsest) part.radius = ball_at(part).radius;
+        // A ball for which the part is small enough says all. The largest one costs more, most of all in a
+        // fine sphere, where every triangle is as near to its centre as any other.
+        if (!known && size >= 2.5 * finest && size <= coarsest)
+          part.radius = ball_at(part, radius_for(size) + sum).radius;
         split[k] = size > wanted(part.radius);
       }
       next.clear();
@@ -253,7 +260,7 @@ class Sampler {
   // each ball, and not for each wall that it covers. A ball in a wall that is thinner than the tolerance
   // covers its neighbours, too, wherever they lie within its disc.
   Grown grow_on(const SamplePart& part, const Neighbours& near, std::uint32_t place) const {
-    const Ball ball = ball_at(part);
+    const Ball ball = ball_at(part, largest_);
     const double disc = covered_disc(ball.radius, options_.tolerance_sum);
     const bool dense = near.crowd(place, disc / options_.grown_density);
     const bool crowd = dense || (disc < 2 * options_.tolerance_sum && near.crowd(place, disc));
