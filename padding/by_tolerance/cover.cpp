@@ -158,29 +158,39 @@ class CoverSearch {
 
   // Tries one ball for everything. No cover is smaller, and this must come before any step whose cost grows
   // with the area: on a fine sphere every triangle is equally near to the centre, which makes each query
-  // slow.
+  // slow. The middle of its box is the best place in a sphere, and in what is about as long as wide.
   bool single(Attempt& attempt) const {
+    std::vector<Candidate> candidates;
+    const Point middle = surface_.bounds().center();
+    const double inner = surface_.closed() ? -surface_.certified_distance(middle) : 0;
+    if (inner > 0) {
+      const Nearest at = surface_.nearest(middle);
+      const Ball ball{middle, std::min(inner, limits_.largest_inner_distance)};
+      grower_.propose(at.point, at.triangle, ball, candidates);
+    }
     Random random(1);
-    for (int k = 0; k < 4; k++) {
+    for (int k = 0;; k++) {
+      if (!candidates.empty() && covers_all(candidates[0])) {
+        attempt.problem.add({}, candidates);
+        attempt.chosen = {0};
+        return true;
+      }
+      if (k == 4) return false;
+      candidates.clear();
       const auto t = static_cast<std::uint32_t>(random.below(mesh_.triangles.size()));
       if (!(mesh_.area_normal(t).squaredNorm() > 0)) continue;
       const Point p = mesh_.middle(t);
-      std::vector<Candidate> candidates;
       grower_.propose(p, t, grower_.medial(p, t), candidates);
-      if (candidates.empty()) continue;
-      const Candidate& c = candidates[0];
-      const double reach = c.ball.radius + limits_.gap;
-      bool all = true;
-      for (const auto& triangle : mesh_.triangles) {
-        for (auto v : triangle) all = all && (mesh_.points[v] - c.ball.center).squaredNorm() <= reach * reach;
-        if (!all) break;
-      }
-      if (!all) continue;
-      attempt.problem.add({}, candidates);
-      attempt.chosen = {0};
-      return true;
     }
-    return false;
+  }
+
+  bool covers_all(const Candidate& c) const {
+    const double reach = c.ball.radius + limits_.gap;
+    const auto covered = [&](std::uint32_t v) {
+      return (mesh_.points[v] - c.ball.center).squaredNorm() <= reach * reach;
+    };
+    return std::all_of(mesh_.triangles.begin(), mesh_.triangles.end(),
+                       [&](const Corners& t) { return std::all_of(t.begin(), t.end(), covered); });
   }
 
   Cover finish(const Attempt& attempt, const OpenSpot& open) const {

@@ -46,6 +46,20 @@ TEST(Cover, SphereNeedsOneBall) {
   }
 }
 
+// The triangles of a fine sphere lie a little below it: one ball in its middle needs no more than that.
+TEST(Cover, SphereNeedsOneBallAlsoWhereOnlyOnePlaceIsLeftForIt) {
+  for (int levels : {2, 4, 5}) {
+    const Surface surface(unit(shapes::sphere(levels)));
+    const Point middle = surface.bounds().center();
+    double sag = 0;
+    for (const Point& p : surface.mesh().points) sag = std::max(sag, (p - middle).norm());
+    sag -= surface.nearest(middle).distance;
+    const Cover cover = cover_surface(surface, {.protrusion = 0.51 * sag, .gap = 0.51 * sag});
+    EXPECT_TRUE(cover.proved);
+    EXPECT_EQ(cover.balls.size(), 1u);
+  }
+}
+
 // A plate of half thickness h: a ball in the middle plane covers a disc of radius sqrt((h + 2e)^2 - h^2) on
 // both sides, and no cover of the plane by equal discs is thinner than 2 pi / sqrt(27) (Kershner, The number
 // of circles covering a set, 1939).
