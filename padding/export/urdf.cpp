@@ -110,8 +110,10 @@ std::string edited(const Job& job) {
     if (!link) throw Error("the URDF of " + job.model.name + " has no link " + body.name);
     while (link.remove_child("collision")) continue;
     const auto inertial = inertial_of(body, job.options.density);
-    // One that states no mass or no moments was read as none (padding/robots/urdf.h).
-    if (inertial && !body.inertial) {
+    // One without a mass or without moments does not state what the body has (padding/robots/urdf.h).
+    const auto moments = link.child("inertial").child("inertia");
+    const bool stated = moments.attribute("ixx") && moments.attribute("iyy") && moments.attribute("izz");
+    if (inertial && !(body.inertial && stated)) {
       link.remove_child("inertial");
       prepend_inertial(link, *inertial);
     }

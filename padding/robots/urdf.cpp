@@ -117,10 +117,10 @@ class UrdfReader {
     note("joints that do not move, because their limits (0 where <limit> states none) leave only one place: ",
          locked);
     note("joints whose axis has no length are taken as fixed: ", axisless_);
+    note("links whose <inertial> lacks <mass>, so that mass and moments follow from a density: ", massless_);
     note(
-        "links whose <inertial> lacks <mass> or the moments of <inertia>, so that both follow from a "
-        "density: ",
-        incomplete_);
+        "links whose <inertial> lacks the moments of <inertia>, which follow from the shape that is padded: ",
+        momentless_);
     note("joints that mimic one that is not there are taken to follow none: ", leaderless_);
     order(robot);
     return robot;
@@ -333,21 +333,23 @@ class UrdfReader {
     if (has_others(node, "inertial"))  // robots that are in use have it
       robot.notes.push_back(link.name +
                             ": it has more than one <inertial>, of which the first counts, as in ROS");
-    if (const auto inertial = node.child("inertial")) add_inertial(inertial, where, body);
+    if (const auto inertial = node.child("inertial")) add_inertial(inertial, where, link, body);
     links_.push_back(std::move(link)), bodies_.push_back(std::move(body)), parents_.push_back(-1);
   }
 
   // Isaac takes one without mass or moments, too, and computes what is missing.
-  void add_inertial(const pugi::xml_node& inertial, const std::string& where, Body& body) {
+  void add_inertial(const pugi::xml_node& inertial, const std::string& where, RobotLink& link, Body& body) {
     const auto mass = only_child(inertial, "mass", where), m = only_child(inertial, "inertia", where);
-    if (!mass.attribute("value") || !m.attribute("ixx") || !m.attribute("iyy") || !m.attribute("izz")) {
-      incomplete_.push_back(body.name);
-      return;
-    }
-    const Eigen::Isometry3d frame = place(only_child(inertial, "origin", where), where);
+    if (!mass.attribute("value")) return massless_.push_back(link.name);
     Inertial i;
     i.mass = one(mass, "value", where + ", <mass>");
     if (i.mass < 0) fail(where + ": its mass is below 0: state one of at least 0");
+    if (!m.attribute("ixx") || !m.attribute("iyy") || !m.attribute("izz")) {
+      momentless_.push_back(link.name);
+      if (!link.shapes.empty()) link.mass = i.mass;
+      return;
+    }
+    const Eigen::Isometry3d frame = place(only_child(inertial, "origin", where), where);
     i.center = frame.translation();
     const char* names[3][3] = {{"ixx", "ixy", "ixz"}, {"ixy", "iyy", "iyz"}, {"ixz", "iyz", "izz"}};
     for (int row = 0; row < 3; row++)
@@ -461,8 +463,8 @@ class UrdfReader {
   std::map<std::string, std::size_t, std::less<>> index_;
   std::set<std::string> joint_names_;
   std::vector<std::string> axisless_, leaderless_;  // joints
-  std::vector<std::string> incomplete_;  // links with an <inertial> that states no mass or no moments
-  std::vector<std::string> bare_;        // links that have no shapes of the kind asked for, but of the other
+  std::vector<std::string> massless_, momentless_;  // links with an <inertial> that states none of these
+  std::vector<std::string> bare_;  // links that have no shapes of the kind asked for, but of the other
 };
 
 }  // namespace

@@ -14,7 +14,7 @@ namespace padder {
 //   rest                beside the URDF
 // In URIs, %20 and the like stand for a byte, unless only a file with the text as it is exists. Where no file
 // is named so, a backslash separates folders.
-// An `<inertial>` without a mass or without moments counts as none, with a note.
+// An `<inertial>` without a mass counts as none, and one without moments gives the mass alone, with a note.
 // Only meshes that will be padded must exist. Throws Error, which names the link or joint, for a file that is
 // no robot, holds elements of xacro, has no link, has a name twice, has a joint to a missing link or joints
 // that form no tree, for a mesh that was not found (with the places where it was looked for), and for text

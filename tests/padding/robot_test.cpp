@@ -408,15 +408,25 @@ TEST_F(RobotTest, AShapeInsideAMeshIsNoCavityOfIt) {
   EXPECT_NEAR(volume("room.obj", "<box size='.1 .1 2'/>"), 1 - 0.512 + 0.008 + 0.01, 1e-9);
 }
 
-TEST_F(RobotTest, AnIncompleteInertialCountsAsNone) {
-  for (const std::string inside :
-       {"<mass value='2'/>", "<density value='3'/>", "<inertia ixx='1' iyy='1' izz='1'/>",
-        "<mass value='2'/><inertia ixx='1'/>"}) {
+TEST_F(RobotTest, WhatAnInertialLacksFollowsFromTheShape) {
+  for (const std::string inside : {"<density value='3'/>", "<inertia ixx='1' iyy='1' izz='1'/>"}) {
     const PaddedRobot r = pad_robot(urdf(link("a", "<inertial>" + inside + "</inertial>" + kBox)), coarse());
     EXPECT_FALSE(r.model.bodies[0].inertial) << inside;
     ASSERT_EQ(r.notes.size(), 1u);
-    EXPECT_NE(r.notes[0].find("lacks <mass> or the moments of <inertia>"), std::string::npos);
+    EXPECT_NE(r.notes[0].find("lacks <mass>"), std::string::npos);
     EXPECT_TRUE(read_urdf(write(r.model, "o.urdf")).model.bodies[0].inertial) << inside;
+  }
+  for (const std::string inside : {"<mass value='2'/>", "<mass value='2'/><inertia ixx='1'/>"}) {
+    const PaddedRobot r = pad_robot(urdf(link("a", "<inertial>" + inside + "</inertial>" + kBox)), coarse());
+    ASSERT_EQ(r.notes.size(), 1u);
+    EXPECT_NE(r.notes[0].find("lacks the moments"), std::string::npos);
+    const MassProperties& solid = r.model.bodies[0].cluster.mass;
+    for (const auto& i :
+         {r.model.bodies[0].inertial, read_urdf(write(r.model, "o.urdf")).model.bodies[0].inertial}) {
+      ASSERT_TRUE(i) << inside;
+      EXPECT_EQ(i->mass, 2) << inside;
+      EXPECT_NEAR(i->inertia(0, 0), 2 / solid.volume * solid.inertia(0, 0), 1e-6) << inside;
+    }
   }
   EXPECT_TRUE(refuses(
       [&] {
