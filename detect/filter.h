@@ -26,19 +26,20 @@ PADDER_HD bool worlds_meet(std::uint32_t a, std::uint32_t b) {
   return a == b || a == kEveryWorld || b == kEveryWorld;
 }
 
-// Does the mask exclude the family?
-PADDER_HD bool masks(std::uint32_t mask, std::uint32_t family) {
+// Does the mask exclude the family? 1 or 0.
+PADDER_HD std::uint32_t masks(std::uint32_t mask, std::uint32_t family) {
   const std::uint32_t bit = family - 1u;
-  return (bit < 32u) & (mask >> (bit & 31u) & 1u);
+  return static_cast<std::uint32_t>(bit < 32u) & (mask >> (bit & 31u));
 }
 // May two spheres be in contact? Not if both are static, if they belong to the same body or to the same
 // family, or if the mask of one excludes the family of the other. Symmetric. Without a branch, which would be
 // mispredicted for every other pair.
 PADDER_HD bool admitted(const Filter& a, const Filter& b) {
-  const bool both_static = (a.owner & b.owner & kStatic) != 0,
-             same_body = (a.owner == b.owner) & (a.owner != 0),
+  const std::uint32_t both_static = a.owner & b.owner & kStatic,
+                      masked = masks(a.mask, b.family) | masks(b.mask, a.family);
+  const bool same_body = (a.owner == b.owner) & (a.owner != 0),
              same_family = (a.family == b.family) & (a.family != 0);
-  return !(both_static | same_body | same_family | masks(a.mask, b.family) | masks(b.mask, a.family));
+  return (both_static | masked | static_cast<std::uint32_t>(same_body | same_family)) == 0;
 }
 
 }  // namespace padder::detect
