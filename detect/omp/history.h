@@ -24,10 +24,9 @@ class History {
   void find_rest(const Records& records, std::uint64_t left, std::uint64_t left_before, int threads);
 
   Buffer<Pair> before_;
-  std::uint64_t count_ = 0;  // of the pairs in before_
-  Buffer<bool> followed_;    // of each: is it one of the contacts now
-  Buffer<std::uint32_t>
-      table_;  // a hash table with open addressing: indices in one of the lists, or kNoContact
+  std::uint64_t count_ = 0;      // of the pairs in before_
+  Buffer<bool> followed_;        // of each: is it one of the contacts now
+  Buffer<std::uint32_t> table_;  // with open addressing: indices in one of the lists, or kNoContact
   Buffer<std::uint32_t> found_;
 };
 

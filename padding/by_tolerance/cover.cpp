@@ -160,28 +160,28 @@ class CoverSearch {
   // with the area: on a fine sphere every triangle is equally near to the centre, which makes each query
   // slow. The middle of its box is the best place in a sphere, and in what is about as long as wide.
   bool single(Attempt& attempt) const {
-    std::vector<Candidate> candidates;
+    const auto covers = [&](const Point& at, std::uint32_t triangle, const Ball& ball) {
+      std::vector<Candidate> candidates;
+      grower_.propose(at, triangle, ball, candidates);
+      if (candidates.empty() || !covers_all(candidates[0])) return false;
+      attempt.problem.add({}, candidates);
+      attempt.chosen = {0};
+      return true;
+    };
     const Point middle = surface_.bounds().center();
-    const double inner = surface_.closed() ? -surface_.certified_distance(middle) : 0;
-    if (inner > 0) {
+    if (const double inner = surface_.closed() ? -surface_.certified_distance(middle) : 0; inner > 0) {
       const Nearest at = surface_.nearest(middle);
-      const Ball ball{middle, std::min(inner, limits_.largest_inner_distance)};
-      grower_.propose(at.point, at.triangle, ball, candidates);
+      if (covers(at.point, at.triangle, {middle, std::min(inner, limits_.largest_inner_distance)}))
+        return true;
     }
     Random random(1);
-    for (int k = 0;; k++) {
-      if (!candidates.empty() && covers_all(candidates[0])) {
-        attempt.problem.add({}, candidates);
-        attempt.chosen = {0};
-        return true;
-      }
-      if (k == 4) return false;
-      candidates.clear();
+    for (int k = 0; k < 4; k++) {
       const auto t = static_cast<std::uint32_t>(random.below(mesh_.triangles.size()));
       if (!(mesh_.area_normal(t).squaredNorm() > 0)) continue;
       const Point p = mesh_.middle(t);
-      grower_.propose(p, t, grower_.medial(p, t), candidates);
+      if (covers(p, t, grower_.medial(p, t))) return true;
     }
+    return false;
   }
 
   bool covers_all(const Candidate& c) const {

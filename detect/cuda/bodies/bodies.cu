@@ -278,11 +278,12 @@ bool BodySearch::run(const Call& call, double most_pairs, Contacts& contacts) {
   }
   call.clock.mark(StageClock::kPlace);
   const std::uint32_t moving = input_.view().moving;
-  // The estimate alone decides, too, so that a stable order follows from the scene. It runs along where the
-  // call before went through. Else it comes first: to count in vain would take longer than to wait for it.
+  // Too many pairs by the estimate are too many, whatever their count, so that a stable order follows from
+  // the scene. The estimate runs along if the call before did not give up. Else it comes first: to count in
+  // vain would take longer than to wait for it.
   samples_ = most_pairs < INFINITY && !are_few(moving) &&
              (input_.hollow() || most_pairs < tuning::kPackedPairs * moving);
-  if (!std::exchange(went_through_, false) && std::exchange(samples_, false) &&
+  if (!std::exchange(went_first_, false) && std::exchange(samples_, false) &&
       estimated_pairs(call) > most_pairs) {
     input_.keep(call.input);
     return false;
@@ -293,7 +294,7 @@ bool BodySearch::run(const Call& call, double most_pairs, Contacts& contacts) {
   if (!speculative_.run(steps, known && moving > 0 && moving == summary_.count)) return false;
   input_.keep(call.input);
   if (steps.too_many_pairs) return false;
-  went_through_ = true;
+  went_first_ = true;
   call.clock.mark(8);
   contacts.spheres = input_.body_spheres() + loose_count(call.input);
   return true;

@@ -83,8 +83,8 @@ class BodySearch {
   Plan plan_;
   Recording<Plan> recording_;
   SpeculativeCall speculative_{1};
-  bool samples_ = false;
-  bool went_through_ = false;  // the call before found no more pairs than it might
+  bool samples_ = false;     // Plan::samples of this call
+  bool went_first_ = false;  // the call before did not give up
   OrderMethod method_ = OrderMethod::automatic;
   Buffer<Pair> pairs_;
   Buffer<uint4> hits_;

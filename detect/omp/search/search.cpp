@@ -400,9 +400,9 @@ class Searcher {
     keep(hits, kept, false, level, INFINITY);
   }
 
-  // Keeps those of the first n hits that are contacts: by the filter, by the region, by the exact test where
-  // float cannot decide, and where no two centres are farther apart than `near` along an axis. `doubt`: float
-  // may not decide some hit. `level`: of the second spheres.
+  // Keeps those of the first n hits that are contacts: those that the filter admits, that the region owns,
+  // that are no farther apart than `near` along an axis, and that the exact test confirms where float cannot
+  // decide. `doubt`: there may be such hits. `level`: of the second spheres.
   void keep(const HitLists& hits, std::uint32_t n, bool doubt, int level, double near) {
     if (filters_)
       n = keep_if(hits, n,
