@@ -105,7 +105,8 @@ class BoxedDetector::Work {
   const char* backend() const {
     return on_host_ == workers_.size() ? "omp" : on_host_ == 0 ? "cuda" : "cuda and omp";
   }
-  const BoxReport& run(const Input& input, const ContactConsumer& consumer);
+  // `most`: spheres.
+  const BoxReport& run(const Input& input, const ContactConsumer& consumer, std::uint64_t most);
   const Contacts& list(const Input& input);
 
  private:
@@ -339,7 +340,8 @@ void BoxedDetector::Work::finish(const Assignment& assignment) {
   if (sum.splits) bytes_per_sphere_ *= 1.5;  // so that the next call begins with smaller boxes
 }
 
-const BoxReport& BoxedDetector::Work::run(const Input& input, const ContactConsumer& consumer) {
+const BoxReport& BoxedDetector::Work::run(const Input& input, const ContactConsumer& consumer,
+                                          std::uint64_t most) {
   report_ = {};
   contacts_ = {}, all_ = {};
   try {
@@ -347,6 +349,9 @@ const BoxReport& BoxedDetector::Work::run(const Input& input, const ContactConsu
     check_boxed_options(options_.detector), check_options(options_.detector);
     check_boxed_input(input);
     const Input settled = bodies_.settle(input);
+    if (const std::uint64_t spheres = sphere_count(settled); spheres > most)
+      throw Error(std::to_string(spheres) +
+                  " spheres are more than a list of 32-bit numbers names: hand detect() a consumer");
     Assignment assignment(settled, threads());
     assignment.set_margin(options_.detector.margin);
     plan(assignment);
@@ -362,14 +367,8 @@ const BoxReport& BoxedDetector::Work::run(const Input& input, const ContactConsu
 }
 
 const Contacts& BoxedDetector::Work::list(const Input& input) {
-  std::uint64_t spheres = input.spheres.count;
-  check_boxed_input(input);
-  for (const Body& b : input.bodies) spheres += input.shapes[b.shape].count;
-  if (spheres > kMostLocal)
-    throw Error(std::to_string(spheres) +
-                " spheres are more than a list of 32-bit numbers names: hand detect() a consumer");
   std::vector<BoxList> lists;
-  run(input, [&](const ContactBatch& batch) {
+  const auto keep = [&](const ContactBatch& batch) {
     if (lists.size() <= batch.box) lists.resize(batch.box + 1);
     BoxList& to = lists[batch.box];
     for (const WidePair& p : batch.pairs)
@@ -377,7 +376,8 @@ const Contacts& BoxedDetector::Work::list(const Input& input) {
     const std::uint64_t wide = batch.scalar == Scalar::f32 ? 1 : 2;
     append(to.normals, batch.normals, batch.pairs.size() * sizeof(Normal<float>) * wide);
     append(to.points, batch.points, batch.pairs.size() * sizeof(Points<float>) * wide);
-  });
+  };
+  run(input, keep, kMostLocal);
   if (lists.size() == 1) {
     all_ = std::move(lists[0]);
   } else {
@@ -418,7 +418,7 @@ BoxedDetector::BoxedDetector(BoxedDetector&&) noexcept = default;
 BoxedDetector& BoxedDetector::operator=(BoxedDetector&&) noexcept = default;
 const Contacts& BoxedDetector::detect(const Input& input) { return work_->list(input); }
 const BoxReport& BoxedDetector::detect(const Input& input, const ContactConsumer& consumer) {
-  return work_->run(input, consumer);
+  return work_->run(input, consumer, ~std::uint64_t(0));
 }
 const BoxReport& BoxedDetector::report() const { return work_->report(); }
 const char* BoxedDetector::backend() const { return work_->backend(); }

@@ -76,15 +76,16 @@ __device__ bool lies_within(const Bounds& halo, const Region& box) {
 
 // A cheap test in the input's own arithmetic for nearly all spheres: is the sphere without fault, and its
 // halo (halo.h) in the own box for sure? The slack of 2^-20 (float) or 2^-40 (double) of the lengths covers
-// the halo's 2^-46, and the four roundings here and the one of a face, which are 2^-24 or 2^-53 each; `least`
+// the halo's 2^-46, and the roundings here and that of a face, which are 2^-24 or 2^-53 each; `least`
 // is for lengths that underflow. What is no number fails a comparison.
 template <class T>
 struct Within {
   static constexpr T kSlack = sizeof(T) == 4 ? 0x1p-20 : 0x1p-40,
                      kLeast = sizeof(T) == 4 ? 0x1p-100 : 0x1p-900;
-  T low[3], high[3], largest_radius;
+  T low[3], high[3], largest_radius, margin;
 
-  Within(const Region& r, double largest) : largest_radius(static_cast<T>(largest)) {
+  Within(const Region& r, const HaloWidth& w)
+      : largest_radius(static_cast<T>(w.largest_radius)), margin(static_cast<T>(w.margin)) {
     for (int a = 0; a < 3; a++) low[a] = static_cast<T>(r.low[a]), high[a] = static_cast<T>(r.high[a]);
   }
   __device__ bool operator()(const T (&v)[4]) const {
@@ -94,7 +95,7 @@ struct Within {
 #pragma unroll
     for (int a = 0; a < 3; a++) {
       // A face that was rounded is off by a part of itself, which is no more than a part of a sphere near it.
-      const T reach = r + (kSlack * (m + r + largest_radius) + kLeast);
+      const T reach = r + margin / 2 + (kSlack * (m + r + largest_radius + margin) + kLeast);
       within = within && v[a] - reach >= low[a] && v[a] + reach < high[a];
     }
     return within;
@@ -108,7 +109,7 @@ struct DealTask {
   const Region* boxes;
   unsigned box_count, own, number_bits;
   Region own_box;
-  double largest_radius;
+  HaloWidth halos;
   std::uint64_t away_room;
   unsigned long long *away, *counts;
 };
@@ -120,7 +121,7 @@ __device__ __noinline__ void note_away(const DealTask& task, bool asked, const S
   const bool faulty = asked && fault_of(s) != Fault::none;
   if (faulty) atomicMin(task.counts + kFaulty, static_cast<unsigned long long>(k));
   asked = asked && !faulty;
-  const Bounds halo = halo_of(s, task.largest_radius);
+  const Bounds halo = task.halos.of(s);
   const unsigned astray = __ballot_sync(~0u, asked && !meets(halo, task.own_box));
   if (lane == 0 && astray) atomicAdd(task.counts + kAstray, static_cast<unsigned long long>(__popc(astray)));
   asked = asked && !lies_within(halo, task.own_box);
@@ -178,12 +179,12 @@ template <class T>
 struct Stays {
   Source<T> source;
   Region own_box;
-  double largest_radius;
+  HaloWidth halos;
   __device__ bool operator()(std::uint32_t k) const {
     T v[4];
     source.read(k, v);
     const Sphere s{double(v[0]), double(v[1]), double(v[2]), double(v[3])};
-    return fault_of(s) == Fault::none && meets(halo_of(s, largest_radius), own_box);
+    return fault_of(s) == Fault::none && meets(halos.of(s), own_box);
   }
 };
 
@@ -260,7 +261,7 @@ void Dealer::set_boxes(std::span<const Region> boxes, std::size_t own, cudaStrea
   cuda_check(cudaStreamSynchronize(stream), "copy the boxes");
 }
 
-DealCounts Dealer::deal(const Spheres& spheres, double largest_radius, std::uint64_t away_room,
+DealCounts Dealer::deal(const Spheres& spheres, const HaloWidth& halos, std::uint64_t away_room,
                         cudaStream_t stream) {
   DealCounts found;
   found.to.resize(boxes_);
@@ -273,7 +274,7 @@ DealCounts Dealer::deal(const Spheres& spheres, double largest_radius, std::uint
                       static_cast<unsigned>(own_),
                       static_cast<unsigned>(number_bits(spheres)),
                       own_box_,
-                      largest_radius,
+                      halos,
                       away_room,
                       away_.reserve(away_room),
                       counts_.reserve(counts.size())};
@@ -281,7 +282,7 @@ DealCounts Dealer::deal(const Spheres& spheres, double largest_radius, std::uint
              "deal the spheres out");
   as_source(spheres, [&]<class T>(const Source<T>& source) {
     const auto blocks = std::min(blocks_for(spheres.count, kThreads * kRows), kMostBlocks);
-    deal_kernel<<<blocks, kThreads, 0, stream>>>(source, Within<T>(own_box_, largest_radius), task);
+    deal_kernel<<<blocks, kThreads, 0, stream>>>(source, Within<T>(own_box_, halos), task);
   });
   cuda_launched("deal the spheres out");
   cuda_check(cudaMemcpyAsync(counts.data(), task.counts, bytes, cudaMemcpyDeviceToHost, stream),
@@ -313,7 +314,7 @@ void Dealer::gather_away(const Spheres& spheres, std::uint64_t away, std::uint64
   cuda_launched("copy the spheres for other boxes");
 }
 
-void Dealer::gather_own(const Spheres& spheres, double largest_radius, std::uint64_t count,
+void Dealer::gather_own(const Spheres& spheres, const HaloWidth& halos, std::uint64_t count,
                         std::uint64_t first_id, const DealTarget& to, cudaStream_t stream) {
   if (count == 0) return;
   std::uint32_t* const staying = staying_.reserve(count);
@@ -321,7 +322,7 @@ void Dealer::gather_own(const Spheres& spheres, double largest_radius, std::uint
     const auto select = [&](void* space, std::size_t& bytes) {
       cuda_check(cub::DeviceSelect::If(space, bytes, thrust::counting_iterator<std::uint32_t>(0), staying,
                                        counts_.reserve(kFirstBox + boxes_) + kStaying, spheres.count,
-                                       Stays<T>{source, own_box_, largest_radius}, stream),
+                                       Stays<T>{source, own_box_, halos}, stream),
                  "find the spheres that stay");
     };
     std::size_t bytes = 0;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "detect/boxes/cut.h"
+#include "detect/boxes/halo.h"
 #include "detect/boxes/resident_detector.h"
 #include "detect/cuda/device/memory.h"
 
@@ -19,6 +20,13 @@ struct DealCounts {
   std::uint64_t astray = 0;                  // spheres that the GPU's own box does not need
   double largest_radius = 0;                 // of the spheres here
   std::uint64_t faulty = ~std::uint64_t(0);  // the first sphere that fault_of() refuses, if any
+};
+
+// How far the halos of all spheres (halo.h) reach beside their own radii.
+struct HaloWidth {
+  double largest_radius = 0;  // at least that of the scene, or halos are too small
+  double margin = 0;
+  PADDER_HD Bounds of(const Sphere& s) const { return halo_of(s, largest_radius, margin); }
 };
 
 // Where spheres are copied to: arrays on this GPU. Null: there is no such array.
@@ -45,10 +53,9 @@ class Dealer {
 
   // The boxes of all GPUs, of which `own` is this one's, until the next call. Waits for the stream.
   void set_boxes(std::span<const Region> boxes, std::size_t own, cudaStream_t stream);
-  // Notes up to away_room spheres for boxes other than its own; further ones are only counted.
-  // `largest_radius`: at least that of the scene, or the counts are those of halos that are too small. Waits
-  // for the stream.
-  DealCounts deal(const Spheres& spheres, double largest_radius, std::uint64_t away_room,
+  // Notes up to away_room spheres for boxes other than its own; further ones are only counted. Waits for the
+  // stream.
+  DealCounts deal(const Spheres& spheres, const HaloWidth& halos, std::uint64_t away_room,
                   cudaStream_t stream);
   // Copies the spheres that deal() noted, box by box and in their order. Sphere k here has number first_id +
   // k in the scene. Does not wait.
@@ -56,7 +63,7 @@ class Dealer {
                    cudaStream_t stream);
   // Copies the `count` spheres that its own box needs, in their order. For parts of which many lie elsewhere.
   // Does not wait.
-  void gather_own(const Spheres& spheres, double largest_radius, std::uint64_t count, std::uint64_t first_id,
+  void gather_own(const Spheres& spheres, const HaloWidth& halos, std::uint64_t count, std::uint64_t first_id,
                   const DealTarget& to, cudaStream_t stream);
   // Copies all, so that they are packed. Does not wait.
   static void pack(const Spheres& spheres, const DealTarget& to, cudaStream_t stream);

@@ -87,7 +87,7 @@ void ResidentDetector::Work::sample_bodies(std::vector<WeightedPoint>& points) {
 
 void ResidentDetector::Work::deal_once() {
   const auto deal_part = [&](Place& p, std::size_t) {
-    p.counts = p.dealer->deal(p.part, halo_radius_, p.away_room, p.stream);
+    p.counts = p.dealer->deal(p.part, halos(), p.away_room, p.stream);
     if (p.counts.away > 0 && p.counts.away <= p.away_room) {
       p.away->reserve(p.away_room, form_);
       p.dealer->gather_away(p.part, p.counts.away, body_spheres_ + p.first, p.away->from(0, form_), p.stream);
@@ -154,7 +154,7 @@ bool ResidentDetector::Work::has_room() {
 }
 
 bool ResidentDetector::Work::stays_in_place(const Place& p) const {
-  return p.counts.astray * kMostAstray <= p.part.count;
+  return p.counts.astray * kMostAstray < p.part.count;
 }
 
 // Each sphere weighs what spheres of its box cost in the call before: itself, and its contacts.

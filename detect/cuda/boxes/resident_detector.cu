@@ -82,8 +82,9 @@ std::vector<cuda::Given> ResidentDetector::Work::check(std::span<const Spheres> 
     Input input;
     input.spheres = s;
     check_input(input, true);
-    if (options_.margin > 0 || loose_have_worlds(input))
-      throw Error("spheres that stay on several GPUs have neither a margin nor worlds: use one Detector");
+    if (loose_have_worlds(input))
+      throw Error(
+          "loose spheres that stay on several GPUs have no worlds: give them as bodies, or use one Detector");
     cuda::Given g{s.count, bodies_.bodies.size(), body_spheres_, 0, !poses.empty(), {}};
     if (!poses.empty()) g.poses = poses[given.size()].count;
     if (s.count) g.form = {s.scalar, s.family != nullptr, s.mask != nullptr, s.is_static != nullptr};
@@ -191,12 +192,9 @@ void ResidentDetector::Work::send_and_detect() {
       }
       options.stream = nullptr, options.output = Memory::device;
       options.own = common(options.own, regions_[box_of(k)]);
-      ResidentContacts& f = found_[k];
-      f.contacts.memory = Memory::device, f.contacts.width = options.width,
-      f.contacts.scalar = options.scalar;
-      if (is_empty(options.own) && !poses_stay_) return;
+      // Where the box owns nothing, too: a detector that missed a call would not know what has moved.
       p.detector.options() = options;
-      f.contacts = p.detector.detect(input);
+      found_[k].contacts = p.detector.detect(input);
     });
   });
 }

@@ -151,8 +151,8 @@ void ResidentDetector::Work::exchange(Place& p, std::size_t k) {
 // Copies the part's own spheres between those of others, unless they are read where they lie.
 void ResidentDetector::Work::gather_own(Place& p) {
   if (!stays_in_place(p))
-    p.dealer->gather_own(p.part, halo_radius_, p.own, body_spheres_ + p.first,
-                         p.others->from(p.before, form_), p.stream);
+    p.dealer->gather_own(p.part, halos(), p.own, body_spheres_ + p.first, p.others->from(p.before, form_),
+                         p.stream);
 }
 
 // The same between the GPUs of ranks, through pinned memory unless they read each other's.

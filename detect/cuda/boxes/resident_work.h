@@ -73,6 +73,7 @@ class ResidentDetector::Work {
   double expected_imbalance() const;
   bool has_room();
   bool stays_in_place(const Place& p) const;
+  cuda::HaloWidth halos() const { return {halo_radius_, options_.margin}; }
 
   // resident_travel.cu: what comes to a GPU from the host, from other GPUs and from other ranks
   void bring(std::span<const Spheres> parts);

@@ -81,7 +81,6 @@ void InputCopy::take_around(const Input& input, DeviceSpheres& s) {
   s.around = {others.centers, others.family, others.mask, others.is_static};
   s.before = static_cast<std::uint32_t>(input.around->before);
   s.own = static_cast<std::uint32_t>(input.spheres.count);
-  if (s.own == 0) s.wide = others.scalar == Scalar::f64, s.packed = true;
 }
 
 void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t stream) {

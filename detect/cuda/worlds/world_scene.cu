@@ -215,9 +215,10 @@ void WorldInput::order(bool along_curve, cudaStream_t stream) {
 
 bool WorldInput::read(const Input& input, const Wanted& wanted, cudaStream_t stream) {
   const Spheres& s = input.spheres;
+  const std::uint64_t loose = loose_count(input);
   const bool known = knows(input);
   const bool same_order =
-      known && s.count == known_loose_ && !s.world && s.world_of_all == known_world_of_loose_;
+      known && loose == known_loose_ && !s.world && s.world_of_all == known_world_of_loose_;
   revision_ = 0;  // until keep()
   if (known)
     scene_.view.in_place = posed_.move_in_place(input, stream);
@@ -225,12 +226,12 @@ bool WorldInput::read(const Input& input, const Wanted& wanted, cudaStream_t str
     read_bodies(input, stream);
   if (worlds_of_bodies_ > wanted.worlds)
     throw Error(world_sentence(false, last_world_body_, worlds_of_bodies_ - 1, wanted.worlds));
-  known_bodies_ = input.bodies.size(), known_loose_ = s.count;
+  known_bodies_ = input.bodies.size(), known_loose_ = loose;
   known_world_of_loose_ = s.world ? ~0u - 1 : s.world_of_all;
   Input only;
-  only.spheres = s;
+  only.spheres = s, only.around = input.around;
   scene_.loose = copy_.source(only, stream);
-  scene_.count = scene_.of_bodies + static_cast<std::uint32_t>(s.count);
+  scene_.count = scene_.of_bodies + static_cast<std::uint32_t>(loose);
   const std::uint32_t n = scene_.count;
   scene_.report = report_.reserve(1);
   cuda_check(cudaMemsetAsync(scene_.report, 0xff, offsetof(WorldReport, extent), stream), "begin");

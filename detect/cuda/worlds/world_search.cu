@@ -405,7 +405,7 @@ bool WorldSearch::run(const Call& call, const WorldAllowance& allowed, Contacts&
   WorldTask task = task_of(call.options, call.processors);
   const std::uint32_t n = task.end = task.scene.count;
   task.allowed = allowed;
-  contacts.spheres = task.scene.view.loose_first + call.input.spheres.count;
+  contacts.spheres = task.scene.view.loose_first + loose_count(call.input);
   if (n == 0) return true;
   const auto make_room = [&](std::uint64_t count) {
     call.list.reserve(call.options, count);

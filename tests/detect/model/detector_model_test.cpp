@@ -121,27 +121,6 @@ class Sequence {
   }
 
  private:
-  static std::string tell(const Call& c) {
-    std::ostringstream t;
-    const CallOptions& o = c.options;
-    t << (c.stages ? "stages" : "detect") << " revision " << c.number << " [" << c.moved.size() << " moved] ";
-    t << (o.path == Path::grid ? "" : "nine_stages ")
-      << (o.precision == Precision::float32 ? "fast precision " : "")
-      << (o.order == Order::any ? "any order " : "") << "width " << int(o.width) << " f"
-      << (o.scalar == Scalar::f32 ? 32 : 64) << " bodies " << int(o.bodies) << " threads " << o.threads
-      << " bin " << o.bin_size << (o.output == Memory::device ? " output device" : "")
-      << (o.timings ? " timings" : "") << (o.own == Region{} ? "" : " own") << (o.history ? " history" : "");
-    if (o.margin != 0) t << " margin " << o.margin;
-    t << "; in f" << (c.form.scalar == Scalar::f32 ? 32 : 64) << " layout " << c.form.layout
-      << (c.form.memory == Memory::device ? " device" : "") << (c.form.poses ? " poses" : "")
-      << (c.form.poses && c.form.pose_memory == Memory::device ? " on device" : "");
-    if (c.handed_on) t << "; handed on " << c.handed_on;
-    if (c.fault.kind != ModelFault::Kind::none)
-      t << "; FAULT " << name_of(c.fault.kind) << " at " << c.fault.at << " in " << c.fault.in << " value "
-        << c.fault.value << " limit " << o.memory_limit;
-    return t.str();
-  }
-
   // The detector's contents to another object, and the one that is left is looked at.
   void hand_on(Call& call) {
     if (call.handed_on == 0) return;
@@ -422,11 +401,6 @@ class ModelTest : public testing::TestWithParam<BackendKind> {
   std::unique_ptr<TestStream> stream_;
 };
 
-std::uint64_t number_from(const char* name, std::uint64_t otherwise) {
-  const char* s = std::getenv(name);
-  return s ? std::strtoull(s, nullptr, 10) : otherwise;
-}
-
 // The oracle against itself: all pairs and the tree.
 TEST(ModelOracle, TreeAndAllPairsAgree) {
   Dice dice(std::random_device{}());
@@ -442,8 +416,8 @@ TEST(ModelOracle, TreeAndAllPairsAgree) {
 }
 
 void ModelTest::play_all(std::uint64_t usual_count) {
-  const std::uint64_t first = number_from("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16),
-                      count = number_from("PADDER_MODEL_SEQUENCES", usual_count);
+  const std::uint64_t first = model_number("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16),
+                      count = model_number("PADDER_MODEL_SEQUENCES", usual_count);
   std::printf("seeds %llu to %llu\n", static_cast<unsigned long long>(first),
               static_cast<unsigned long long>(first + count - 1));
   std::fflush(stdout);

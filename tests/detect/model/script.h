@@ -1,12 +1,21 @@
 // SPDX-License-Identifier: MIT
 // The calls of a sequence of the model test, drawn from its seed.
 #pragma once
+#include <cstdlib>
+#include <sstream>
+
 #include "tests/detect/model/input.h"
 
 namespace padder::detect {
 
 inline constexpr std::uint64_t kMostContacts = 250'000;  // of a scene, and 12 more for each sphere
 inline constexpr double kLeastUnit = 1e-260;             // all that is smaller shares a bin
+
+// What the environment says, or something else.
+inline std::uint64_t model_number(const char* name, std::uint64_t otherwise) {
+  const char* s = std::getenv(name);
+  return s ? std::strtoull(s, nullptr, 10) : otherwise;
+}
 
 // Sizes of lists of loose spheres: about what the code decides by. On the CPU: pieces, batches, parts,
 // vectors, chunks, candidates at a time. On the GPU: cells, flows, buckets.
@@ -40,6 +49,28 @@ struct Call {
   int handed_on = 0;  // to another Detector before: 1 by construction, 2 by assignment
   Dice dice{0};
 };
+
+// A call in words.
+inline std::string tell(const Call& c) {
+  std::ostringstream t;
+  const CallOptions& o = c.options;
+  t << (c.stages ? "stages" : "detect") << " revision " << c.number << " [" << c.moved.size() << " moved] ";
+  t << (o.path == Path::grid ? "" : "nine_stages ")
+    << (o.precision == Precision::float32 ? "fast precision " : "")
+    << (o.order == Order::any ? "any order " : "") << "width " << int(o.width) << " f"
+    << (o.scalar == Scalar::f32 ? 32 : 64) << " bodies " << int(o.bodies) << " threads " << o.threads
+    << " bin " << o.bin_size << (o.output == Memory::device ? " output device" : "")
+    << (o.timings ? " timings" : "") << (o.own == Region{} ? "" : " own") << (o.history ? " history" : "");
+  if (o.margin != 0) t << " margin " << o.margin;
+  t << "; in f" << (c.form.scalar == Scalar::f32 ? 32 : 64) << " layout " << c.form.layout
+    << (c.form.memory == Memory::device ? " device" : "") << (c.form.poses ? " poses" : "")
+    << (c.form.poses && c.form.pose_memory == Memory::device ? " on device" : "");
+  if (c.handed_on) t << "; handed on " << c.handed_on;
+  if (c.fault.kind != ModelFault::Kind::none)
+    t << "; FAULT " << name_of(c.fault.kind) << " at " << c.fault.at << " in " << c.fault.in << " value "
+      << c.fault.value << " limit " << o.memory_limit;
+  return t.str();
+}
 
 // Draws the calls of a sequence. What it draws depends on the seed alone, not on what the detector answers.
 class Script {

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: MIT
+// State between calls of a detector that shares a scene among boxes, GPUs or ranks: the random sequences of
+// the model test (script.h), each call against the oracle. The contacts are those of one Detector, whatever
+// the boxes and the revision; a faulty call throws a sentence that names what is at fault, and the next call
+// is right. Environment, as in detector_model_test.cpp: PADDER_MODEL_SEED, PADDER_MODEL_SEQUENCES.
+#pragma once
+#include <functional>
+
+#include "padding/asset/error.h"
+#include "tests/detect/model/checks.h"
+#include "tests/detect/model/script.h"
+
+namespace padder::detect {
+
+// What all boxes found together.
+struct BoxesFound {
+  std::uint64_t spheres = 0, contacts = 0, hash = 0, doubtful = 0;
+  bool listed = true;  // false: they were only counted
+  std::vector<Pair> pairs;
+};
+
+// The detector of a sequence.
+class BoxesUnderTest {
+ public:
+  using Fault = ModelFault::Kind;
+  virtual ~BoxesUnderTest() = default;
+  virtual BoxesFound detect(const Input& input, Call& call) = 0;  // what it throws is the call's
+  virtual bool takes(Fault) const { return true; }                // false: another fault in its place
+  virtual bool may_refuse(const Input&, const Call&) const { return false; }
+  virtual bool is_wrong(bool here) const { return here; }  // on any of several processes?
+  virtual std::string told() const = 0;
+};
+
+class BoxesSequence {
+ public:
+  BoxesSequence(std::uint64_t seed, BoxesUnderTest& boxes)
+      : script_(BackendKind::omp, seed, false), boxes_(boxes), told_(boxes.told()) {}
+
+  // What was wrong, and what was done; or nothing.
+  std::string run() {
+    for (std::size_t k = 0; k < script_.steps(); k++) {
+      Call call = script_.next();
+      told_ += "\n  step " + std::to_string(k) + ": " + tell(call) + "; " +
+               std::to_string(script_.spheres().size()) + " spheres: " + script_.world().story;
+      std::string wrong;
+      try {
+        carry_out(call);
+      } catch (const Wrong& w) {
+        wrong = w.what;
+      }
+      if (boxes_.is_wrong(!wrong.empty())) return wrong + "\n" + told_;
+    }
+    return {};
+  }
+
+ private:
+  using Fault = ModelFault::Kind;
+
+  void carry_out(Call& call) {
+    call.stages = call.answers = call.options.history = false;
+    Fault& fault = call.fault.kind;
+    if (fault == Fault::world || !boxes_.takes(fault))  // the script relies on a fault
+      fault = Fault::bin_size, call.options.bin_size = -1, call.fault.says = "bin size";
+    if (fault == Fault::device_memory) call.fault.says = "host memory";
+    ModelInput given(script_.world(), call.form, call.dice);
+    given.apply(call.fault);
+    given.arrange(call.moved, call.number, call.fault);
+    std::string said;
+    try {
+      check(boxes_.detect(given.input, call), call);
+    } catch (const Error& e) {
+      said = e.what();
+    }
+    const bool faulty = fault != Fault::none && fault != Fault::limit,
+               refused = fault == Fault::limit || boxes_.may_refuse(given.input, call) || beyond_floats(call);
+    require(!said.empty() || !faulty, "nothing was thrown");
+    require(said.empty() || faulty || refused, "it threw: ", said);
+    require(said.empty() || refused || said.find(call.fault.says) != said.npos, "the sentence is \"", said,
+            "\", without \"", call.fault.says, "\"");
+  }
+
+  // Records of floats may not hold them.
+  bool beyond_floats(const Call& call) const {
+    if (call.options.width == Width::pairs || call.options.scalar == Scalar::f64) return false;
+    double reach = 0;
+    for (const Seen& s : script_.spheres())
+      reach = std::max({reach, std::abs(s.sphere.x) + s.sphere.r, std::abs(s.sphere.y) + s.sphere.r,
+                        std::abs(s.sphere.z) + s.sphere.r});
+    return reach > 1e37;
+  }
+
+  void check(BoxesFound found, const Call& call) const {
+    const std::vector<Pair>& wanted = script_.pairs();
+    const bool rough = call.options.precision == Precision::float32 && call.options.path == Path::grid;
+    require(found.spheres == script_.spheres().size(), "spheres: ", found.spheres);
+    require(rough || found.contacts == wanted.size(), found.contacts, " contacts, wanted ", wanted.size());
+    require(rough || found.hash == hash_of(wanted), "another hash");
+    if (!found.listed) return;
+    std::vector<Pair>& pairs = found.pairs;
+    for (const Pair& p : pairs) require(p.i < p.j, "the pair ", text(p));
+    std::sort(pairs.begin(), pairs.end(), before);
+    require(std::adjacent_find(pairs.begin(), pairs.end()) == pairs.end(), "a pair is there twice");
+    require(found.contacts == pairs.size() && found.hash == hash_of(pairs), "the report is of another list");
+    std::vector<Pair> differ;
+    std::set_symmetric_difference(wanted.begin(), wanted.end(), pairs.begin(), pairs.end(),
+                                  std::back_inserter(differ), before);
+    require(differ.size() <= (rough ? found.doubtful : 0), pairs.size(), " contacts, wanted ", wanted.size(),
+            differ.empty() ? "" : ", not in both: " + text(differ[0]), "; doubtful ", found.doubtful);
+  }
+
+  Script script_;
+  BoxesUnderTest& boxes_;
+  std::string told_;
+};
+
+// Plays sequences from seed `first` on, as many as are asked for. What was wrong, or nothing.
+inline std::string play_boxes(std::uint64_t first, std::uint64_t usual,
+                              const std::function<std::unique_ptr<BoxesUnderTest>(std::uint64_t)>& make) {
+  const std::uint64_t count = model_number("PADDER_MODEL_SEQUENCES", usual);
+  std::printf("seeds %llu to %llu\n", static_cast<unsigned long long>(first),
+              static_cast<unsigned long long>(first + count - 1));
+  std::fflush(stdout);
+  for (std::uint64_t seed = first; seed < first + count; seed++) {
+    const std::unique_ptr<BoxesUnderTest> boxes = make(seed);
+    const std::string wrong = BoxesSequence(seed, *boxes).run();
+    if (!wrong.empty()) return "PADDER_MODEL_SEED=" + std::to_string(seed) + ": " + wrong;
+  }
+  return {};
+}
+
+}  // namespace padder::detect

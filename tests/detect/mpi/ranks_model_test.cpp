@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: MIT
+// Random sequences of calls on a RankDetector: model/boxes_sequence.h. All ranks make the same scenes; each
+// passes a part.
+#include <random>
+
+#include "detect/mpi/rank_detector.h"
+#include "tests/detect/model/boxes_sequence.h"
+#include "tests/detect/mpi/run_tests.h"
+
+namespace padder::detect {
+namespace {
+
+class OnRanks final : public BoxesUnderTest {
+ public:
+  OnRanks() : detector_(MPI_COMM_WORLD, on_cpu()) {}
+  BoxesFound detect(const Input& input, Call& call) override {
+    if (call.handed_on) detector_ = RankDetector(std::move(detector_));
+    detector_.options() = call.options;
+    const Input part = part_of_moved(input);
+    BoxesFound f;
+    f.listed = call.dice.chance(0.7);
+    std::vector<Pair> mine;
+    const ContactConsumer take = [&](const ContactBatch& batch) {
+      for (const WidePair& p : batch.pairs)
+        mine.push_back({static_cast<std::uint32_t>(p.i), static_cast<std::uint32_t>(p.j)});
+    };
+    const RankReport& r = detector_.detect(part, f.listed ? take : ContactConsumer{});
+    require(!f.listed || r.own_contacts == mine.size(), "own contacts: ", r.own_contacts);
+    f.spheres = r.spheres, f.contacts = r.contacts, f.hash = r.hash, f.doubtful = r.doubtful;
+    f.pairs = of_all(mine);
+    return f;
+  }
+  // No part of an input without pointers, or of so many spheres.
+  bool takes(Fault f) const override { return f != Fault::pointer && f != Fault::too_many; }
+  bool may_refuse(const Input& input, const Call&) const override { return ranks > 1 && input.spheres.world; }
+  bool is_wrong(bool here) const override {
+    int mine = here, any = 0;
+    MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
+    return any != 0;
+  }
+  std::string told() const override {
+    return "rank " + std::to_string(my_rank) + " of " + std::to_string(ranks);
+  }
+
+ private:
+  static RankOptions on_cpu() {
+    RankOptions o;
+    o.device = {BackendKind::omp, 0};
+    return o;
+  }
+  Input part_of_moved(const Input& input) {
+    Input part = part_of(input, my_rank, ranks);
+    const Part bodies = part_of(input.bodies.size(), my_rank, ranks);
+    moved_.clear();
+    for (const std::uint32_t k : input.moved)  // one that there is not stays for the last rank
+      if (k >= bodies.first && (k < bodies.end || my_rank + 1 == ranks))
+        moved_.push_back(k - static_cast<std::uint32_t>(bodies.first));
+    part.moved = moved_;
+    return part;
+  }
+  static std::vector<Pair> of_all(const std::vector<Pair>& mine) {
+    std::vector<int> bytes(static_cast<std::size_t>(ranks)), first(bytes.size());
+    const int own = static_cast<int>(mine.size() * sizeof(Pair));
+    MPI_Allgather(&own, 1, MPI_INT, bytes.data(), 1, MPI_INT, MPI_COMM_WORLD);
+    for (std::size_t k = 1; k < bytes.size(); k++) first[k] = first[k - 1] + bytes[k - 1];
+    std::vector<Pair> all(static_cast<std::size_t>(first.back() + bytes.back()) / sizeof(Pair));
+    MPI_Allgatherv(mine.data(), own, MPI_BYTE, all.data(), bytes.data(), first.data(), MPI_BYTE,
+                   MPI_COMM_WORLD);
+    return all;
+  }
+
+  RankDetector detector_;
+  std::vector<std::uint32_t> moved_;
+};
+
+TEST(RanksModel, EveryCallIsThatOfOneDetector) {
+  std::uint64_t first = model_number("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16);
+  MPI_Bcast(&first, 1, MPI_UINT64_T, 0, MPI_COMM_WORLD);
+  EXPECT_EQ(play_boxes(first, 15, [](auto) { return std::make_unique<OnRanks>(); }), "");
+}
+
+}  // namespace
+}  // namespace padder::detect
+
+int main(int argc, char** argv) { return padder::detect::run_tests(argc, argv); }
