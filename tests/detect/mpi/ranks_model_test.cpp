@@ -27,17 +27,13 @@ class OnRanks final : public BoxesUnderTest {
     const RankReport& r = detector_.detect(part, f.listed ? take : ContactConsumer{});
     require(!f.listed || r.own_contacts == mine.size(), "own contacts: ", r.own_contacts);
     f.spheres = r.spheres, f.contacts = r.contacts, f.hash = r.hash, f.doubtful = r.doubtful;
-    f.pairs = of_all(mine);
+    f.pairs = of_all_ranks(mine);
     return f;
   }
   // No part of an input without pointers, or of so many spheres.
   bool takes(Fault f) const override { return f != Fault::pointer && f != Fault::too_many; }
   bool may_refuse(const Input& input, const Call&) const override { return ranks > 1 && input.spheres.world; }
-  bool is_wrong(bool here) const override {
-    int mine = here, any = 0;
-    MPI_Allreduce(&mine, &any, 1, MPI_INT, MPI_MAX, MPI_COMM_WORLD);
-    return any != 0;
-  }
+  bool is_wrong(bool here) const override { return on_any_rank(here); }
   std::string told() const override {
     return "rank " + std::to_string(my_rank) + " of " + std::to_string(ranks);
   }
@@ -58,17 +54,6 @@ class OnRanks final : public BoxesUnderTest {
     part.moved = moved_;
     return part;
   }
-  static std::vector<Pair> of_all(const std::vector<Pair>& mine) {
-    std::vector<int> bytes(static_cast<std::size_t>(ranks)), first(bytes.size());
-    const int own = static_cast<int>(mine.size() * sizeof(Pair));
-    MPI_Allgather(&own, 1, MPI_INT, bytes.data(), 1, MPI_INT, MPI_COMM_WORLD);
-    for (std::size_t k = 1; k < bytes.size(); k++) first[k] = first[k - 1] + bytes[k - 1];
-    std::vector<Pair> all(static_cast<std::size_t>(first.back() + bytes.back()) / sizeof(Pair));
-    MPI_Allgatherv(mine.data(), own, MPI_BYTE, all.data(), bytes.data(), first.data(), MPI_BYTE,
-                   MPI_COMM_WORLD);
-    return all;
-  }
-
   RankDetector detector_;
   std::vector<std::uint32_t> moved_;
 };
