@@ -166,10 +166,10 @@ class Work {
     const bool keeps_table = any_order && input.revision != 0;
     const std::uint64_t moving =
         keeps_table ? moving_loose(input, static_cast<cudaStream_t>(options.stream)) : loose_count(input);
-    most_pairs_ = most_touching_balls(input, spheres(), moving, costs);
+    if (!facts_.census) facts_.census = census_of(input, bodies_.pieces());
+    most_pairs_ = most_touching_balls(*facts_.census, spheres(), facts_.loose, moving, costs);
     automatic_first_ = most_pairs_ > 0;
-    if (!automatic_first_ || most_pairs_ == INFINITY || !any_order) return;
-    bodies_.pieces().update(input.shapes);
+    if (!automatic_first_ || !any_order) return;
     automatic_first_ = touching_balls(input, options.margin, bodies_.pieces()) < most_pairs_;
   }
   bool search_bodies(const Call& call, Contacts& c) {
@@ -186,6 +186,7 @@ class Work {
       Input without_array = input;
       without_array.spheres.world = nullptr;
       facts_.worlds = has_worlds(without_array);
+      facts_.census.reset();
     }
     facts_.revision = input.revision, facts_.bodies = input.bodies.size(), facts_.loose = loose_count(input);
     facts_.world_of_all = input.spheres.world_of_all;
@@ -349,6 +350,7 @@ class Work {
     std::uint64_t revision = 0, bodies = 0, loose = 0, spheres_of_bodies = 0;
     std::uint32_t world_of_all = 0;
     bool worlds = false;  // without those of an array
+    std::optional<BodyCensus> census;
   } facts_;
   std::uint64_t gave_up_ = 0;  // the last revision of whose worlds the tree gave up
   // What has seen the bodies of this call.

@@ -82,10 +82,24 @@ inline constexpr int kOctaveBlocks = 5;
 
 // ---- Bodies ----
 // What it costs to search bodies first, in spheres that are expanded and searched: where a revision says that
-// most of the scene stays, and where all is read in each call. Rows of `bench shapes`; what is static, with
-// 100,000 and 1,000,000 loose spheres.
-inline constexpr BodyCosts kKnownBodies{.ball = 0.75, .pair = 2.5, .static_call = 500'000, .static_each = 40},
-    kNewBodies{.call = 250'000, .body = 15, .ball = 18, .pair = 2.5};
+// most of the scene stays, and where all is read in each call. Fitted to 200 piles of bodies of 1 to 200
+// spheres, of 25,000 to 43 million spheres in all (docs/experiments/bodies.md); what is static, with 100,000
+// and 1,000,000 loose spheres.
+inline constexpr BodyCosts kKnownBodies{.octave = 0.5,
+                                        .call = 100'000,
+                                        .ball = 0.75,
+                                        .pair = 0.5,
+                                        .crowd = 12'000,
+                                        .contact = 0.35,
+                                        .static_call = 500'000,
+                                        .static_each = 40},
+    kNewBodies{.octave = 0.5,
+               .call = 250'000,
+               .body = 15,
+               .ball = 18,
+               .pair = 0.5,
+               .crowd = 12'000,
+               .contact = 0.35};
 
 // Where the pairs of balls that touch may be too many, they are estimated: bodies that fill less of the balls
 // about their pieces than kHollow (of a rod, n touching spheres in a row, the share is 1 / n^2), and scenes

@@ -191,7 +191,7 @@ template Summary summarize(const View<double>&, int);
 namespace {
 
 // Measured with one thread, by `bench shapes`; `static_each` with 100,000 loose spheres.
-constexpr BodyCosts kBodyCosts{.ball = 3, .pair = 2, .static_each = 9};
+constexpr BodyCosts kBodyCosts{.octave = 0.5, .ball = 1.3, .pair = 0.9, .contact = 0.5, .static_each = 9};
 // Worlds are searched by their spheres, side by side, where a body, or loose sphere, has no more on average;
 // otherwise by the tree. Both ways were measured on both sides of it (docs/experiments/worlds.md).
 constexpr std::uint64_t kSmallBody = 16;
@@ -282,7 +282,10 @@ class OmpBackend final : public Backend {
     const Spheres& s = input.spheres;
     const std::uint64_t moving =
         s.is_static ? static_cast<std::uint64_t>(std::count(s.is_static, s.is_static + s.count, 0)) : s.count;
-    return bodies_first(input, options.margin, spheres, moving, kBodyCosts, kept_->bodies.pieces());
+    Pieces& pieces = kept_->bodies.pieces();
+    if (!census_) census_ = census_of(input, pieces);
+    const double most = most_touching_balls(*census_, spheres, s.count, moving, kBodyCosts);
+    return most > 0 && touching_balls(input, options.margin, pieces) < most;
   }
 
   static bool has_small_bodies(const Input& input, std::uint64_t spheres) {
@@ -343,6 +346,7 @@ class OmpBackend final : public Backend {
     begin(options);
     const bool may_go_first = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded;
     const bool known = may_go_first && kept_->bodies.knows(input, options.margin);
+    if (!known) census_.reset();
     check_input(input, false, known);
     const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
     // The worlds of bodies stay within a revision, those of loose spheres need not.
@@ -492,6 +496,7 @@ class OmpBackend final : public Backend {
   std::optional<omp::History> history_{budget_};
   omp::Threads chosen_;
   int threads_ = 1;
+  std::optional<BodyCensus> census_;             // of the revision that is known
   std::optional<std::uint32_t> world_of_loose_;  // in the last call; none: an array gave them
   double place_seconds_ = 0;
 };

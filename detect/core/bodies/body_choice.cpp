@@ -82,47 +82,51 @@ double touching_balls(const Input& input, double margin, const Pieces& pieces) {
   return pairs;
 }
 
-double most_touching_balls(const Input& input, std::uint64_t spheres, std::uint64_t moving_loose,
-                           const BodyCosts& costs) {
-  std::uint64_t balls = 0;  // that move
-  bool some_static = moving_loose < loose_count(input);
-  for (const Body& b : input.bodies)
-    if (b.is_static)
-      some_static = true;
-    else
-      balls += pieces_of(input.shapes[b.shape].count);
-  // A loose sphere costs as much again, because it is brought into the balls' order as well.
-  double left = static_cast<double>(spheres) - costs.call -
-                costs.body * static_cast<double>(input.bodies.size()) -
-                costs.ball * static_cast<double>(balls) - 2 * static_cast<double>(moving_loose);
-  if (some_static)
-    left -= costs.static_call +
-            costs.static_each * (static_cast<double>(balls) + static_cast<double>(moving_loose));
-  if (left <= 0) return 0;
-  return costs.pair == 0 ? INFINITY : left / costs.pair;
-}
-
-bool bodies_first(const Input& input, double margin, std::uint64_t spheres, std::uint64_t moving_loose,
-                  const BodyCosts& costs, Pieces& pieces) {
-  const double most = most_touching_balls(input, spheres, moving_loose, costs);
-  if (most == 0 || most == INFINITY) return most > 0;
+BodyCensus census_of(const Input& input, Pieces& pieces) {
   pieces.update(input.shapes);
-  return touching_balls(input, margin, pieces) < most;
+  BodyCensus census;
+  census.bodies = input.bodies.size();
+  std::vector<std::uint64_t> bodies_of(input.shapes.size());
+  for (const Body& b : input.bodies) {
+    bodies_of[b.shape]++;
+    census.some_static = census.some_static || b.is_static;
+    if (!b.is_static) census.balls += pieces_of(input.shapes[b.shape].count);
+  }
+  double pieces_seen = 0, spheres = 0, ball_volume = 0, sphere_volume = 0, contacts = 0, radii = 0,
+         largest = 0;
+  for (std::size_t k = 0; k < bodies_of.size(); k++) {
+    const auto times = static_cast<double>(bodies_of[k]);
+    for (std::uint32_t p = pieces.shape_first[k]; times > 0 && p < pieces.shape_first[k + 1]; p++) {
+      const Piece& piece = pieces.pieces[p];
+      double sum = 0, squares = 0, cubes = 0;
+      for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++) {
+        const double r = pieces.spheres[q].r;
+        sum += r, squares += r * r, cubes += r * r * r, largest = std::max(largest, r);
+      }
+      const double ball = piece.ball.r * piece.ball.r * piece.ball.r;
+      pieces_seen += times, spheres += times * piece.count, radii += times * sum;
+      ball_volume += times * ball, sphere_volume += times * cubes;
+      // The sum of ((r + s) / 2)^3 over all pairs of radii.
+      if (ball > 0) contacts += times * (piece.count * cubes + 3 * squares * sum) / (4 * ball);
+    }
+  }
+  if (ball_volume > 0) {
+    census.filled = sphere_volume / ball_volume, census.contacts = contacts / pieces_seen;
+    if (radii > 0) census.octaves = std::log2(largest * spheres / radii);
+  }
+  return census;
 }
 
-double filled(const Input& input, const Pieces& pieces) {
-  const auto cubed = [](double r) { return r * r * r; };
-  std::vector<double> of_balls(input.shapes.size()), of_spheres(input.shapes.size());
-  for (std::size_t k = 0; k < input.shapes.size(); k++)
-    for (std::uint32_t p = pieces.shape_first[k]; p < pieces.shape_first[k + 1]; p++) {
-      const Piece& piece = pieces.pieces[p];
-      of_balls[k] += cubed(piece.ball.r);
-      for (std::uint32_t q = piece.first; q < piece.first + piece.count; q++)
-        of_spheres[k] += cubed(pieces.spheres[q].r);
-    }
-  double balls = 0, spheres = 0;
-  for (const Body& b : input.bodies) balls += of_balls[b.shape], spheres += of_spheres[b.shape];
-  return balls > 0 ? spheres / balls : 1;
+double most_touching_balls(const BodyCensus& census, std::uint64_t spheres, std::uint64_t loose,
+                           std::uint64_t moving_loose, const BodyCosts& costs) {
+  const auto balls = static_cast<double>(census.balls), moving = static_cast<double>(moving_loose);
+  // A loose sphere costs as much again, because it is brought into the balls' order as well.
+  double left = static_cast<double>(spheres) * (1 + costs.octave * census.octaves) - costs.call -
+                costs.body * static_cast<double>(census.bodies) - costs.ball * balls - 2 * moving;
+  if (census.some_static || moving_loose < loose)
+    left -= costs.static_call + costs.static_each * (balls + moving);
+  if (left <= 0) return 0;
+  return left / (costs.pair + costs.contact * census.contacts + costs.crowd / std::max(balls + moving, 1.0));
 }
 
 }  // namespace padder::detect

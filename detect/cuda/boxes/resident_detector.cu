@@ -105,9 +105,9 @@ void ResidentDetector::Work::check_bodies(const Input& bodies) {
   if (known) return;
   body_spheres_ = sphere_count(bodies);
   have_worlds_ = bodies_have_worlds(bodies);
-  BodyCosts costs = cuda::tuning::kKnownBodies;
-  costs.pair = 0;  // the poses may be given in parts
-  bodies_first_ = most_touching_balls(bodies, body_spheres_, 0, costs) > 0;
+  // However many balls touch: the poses may be given in parts.
+  bodies_first_ =
+      most_touching_balls(census_of(bodies, pieces_), body_spheres_, 0, 0, cuda::tuning::kKnownBodies) > 0;
 }
 
 // What has to be the same on all GPUs, and where each part begins in the scene.

@@ -98,6 +98,7 @@ class ResidentDetector::Work {
   std::vector<std::uint64_t> poses_of_;            // in each part; empty: they come with the bodies
   bool read_each_other_ = false;                   // all GPUs, by their kernels
   bool have_worlds_ = false;                       // the bodies
+  Pieces pieces_;                                  // of their shapes
   bool bodies_first_ = false;                      // automatically
   bool poses_stay_ = false;                        // in this call GPUs read each other's poses
   std::vector<Region> regions_;                    // the boxes of all GPUs, those of other ranks too

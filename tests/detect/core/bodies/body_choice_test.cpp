@@ -55,12 +55,13 @@ struct Strewn {
   bool first(const BodyCosts& costs) {
     Pieces pieces;
     const Input in = input();
-    pieces.update(in.shapes);
     std::uint64_t spheres = in.spheres.count;
     for (const Body& b : in.bodies) spheres += in.shapes[b.shape].count;
     const auto moving =
         in.spheres.count - static_cast<std::uint64_t>(std::count(marks.begin(), marks.end(), 1));
-    return bodies_first(in, 0, spheres, moving, costs, pieces);
+    const BodyCensus census = census_of(in, pieces);
+    const double most = most_touching_balls(census, spheres, in.spheres.count, moving, costs);
+    return most > 0 && touching_balls(in, 0, pieces) < most;
   }
   // All pairs of balls, but for two of one body and two loose ones.
   double pairs(double margin) {
@@ -116,6 +117,26 @@ TEST(BodyChoice, WhatHasNoOtherWayAndWhatIsCheaper) {
   EXPECT_FALSE(s.first({.ball = 3}));
 }
 
+// Of rods, which n touching spheres in a row are: n^2 / n^3; and of many spheres at one place, which are as
+// large as their ball.
+TEST(BodyChoice, TheCensusTellsHowFullBallsAre) {
+  Random random = random_of_new_seed();
+  Strewn s;
+  Pieces pieces;
+  EXPECT_EQ(census_of(s.input(), pieces).bodies, 0u) << "no body";
+  s.add(7, 1, 10, random), s.bodies[2].is_static = true;  // of three spheres
+  BodyCensus c = census_of(s.input(), pieces);
+  EXPECT_EQ(c.bodies, 7u);
+  EXPECT_EQ(c.balls, 6u);
+  EXPECT_TRUE(c.some_static);
+  EXPECT_NEAR(c.filled, 1. / 9, 1e-3);
+  EXPECT_NEAR(c.contacts, 1. / 3, 3e-3);
+  s.bodies.clear(), s.assets[1].assign(20, {1, 2, 3, 0.7}), s.add(5, 1, 10, random), s.add(3, 2, 10, random);
+  c = census_of(s.input(), pieces);
+  EXPECT_FALSE(c.some_static);
+  EXPECT_NEAR(c.contacts, 400, 1);
+}
+
 TEST(BodyChoice, BallsThatTouchDecide) {
   Random random = random_of_new_seed();
   Strewn s;
@@ -123,6 +144,8 @@ TEST(BodyChoice, BallsThatTouchDecide) {
   EXPECT_GT(s.pairs(0), 20000);
   EXPECT_TRUE(s.first({.ball = 3}));
   EXPECT_FALSE(s.first({.ball = 3, .pair = 2}));
+  EXPECT_TRUE(s.first({.ball = 3, .contact = 2})) << "rods have few contacts";
+  EXPECT_FALSE(s.first({.ball = 3, .contact = 200}));
   for (Body& b : s.bodies) b.family = 3, b.mask = 1u << 2;  // they pass through each other
   EXPECT_EQ(s.pairs(0), 0);
   EXPECT_TRUE(s.first({.ball = 3, .pair = 2}));
