@@ -261,10 +261,13 @@ class UrdfReader {
   fs::path found(const std::string& reference, const std::string& where) const {
     const bool uri = reference.find("://") != std::string::npos;
     const std::string plain = uri ? unescaped(reference) : reference;
+    // Some forget to escape, and some write for Windows. Isaac Gym's names start from a folder above.
+    std::vector<std::string> names = {plain, reference, reading::slashed(plain), reading::slashed(reference)};
+    if (!uri && !plain.starts_with(".") && !plain.starts_with("/"))
+      names.push_back("package://" + reading::slashed(plain));
     std::vector<fs::path> all;
     std::error_code code;
-    for (const std::string& name :  // some forget to escape, and some write for Windows
-         {plain, reference, reading::slashed(plain), reading::slashed(reference)})
+    for (const std::string& name : names)
       for (const fs::path& p : places(name)) {
         if (fs::is_regular_file(p, code)) return p;
         all.push_back(p);

@@ -332,7 +332,7 @@ TEST_F(RobotTest, AMeshIsFoundHoweverItIsWritten) {
        {std::string("..\\meshes\\Tet.obj"), std::string("package://pkg\\meshes\\Tet.obj"),
         std::string("package:///pkg/meshes/Tet.obj"), std::string("file://$(find pkg)/meshes/Tet.obj"),
         std::string("$(find pkg)/meshes/Tet.obj"), "file://localhost" + absolute, "file://" + absolute,
-        std::string("file://../meshes/Tet.obj")})
+        std::string("file://../meshes/Tet.obj"), std::string("pkg/meshes/Tet.obj")})
     EXPECT_EQ(read(name), "pkg/meshes/Tet.obj") << name;
   for (const std::string name : {"package://pkg/meshes/TET.obj", "../Meshes/tet.obj", "..\\meshes\\tet.OBJ"})
     EXPECT_TRUE(refuses([&] { read(name); }, "pkg/meshes/Tet.obj is there: write the name with")) << name;
