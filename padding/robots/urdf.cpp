@@ -97,6 +97,8 @@ class UrdfReader {
     const bool visual = options_.visual || !collision;
     for (const auto& link : root.children("link")) add_link(link, visual ? "visual" : "collision", robot);
     if (links_.empty()) fail("there is no <link> in it");
+    if (!visual && seen && std::ranges::all_of(links_, [](const RobotLink& l) { return l.shapes.empty(); }))
+      fail("its collision shapes are all points, which are left out: --visual pads what can be seen");
     for (const auto& joint : root.children("joint")) add_joint(joint);
     check_mimics();
     if (!collision && seen)
