@@ -2,7 +2,10 @@
 #include "padding/asset/json.h"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 #include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include "padding/asset/cluster.h"
@@ -228,6 +231,20 @@ bool find_path(const Json& from, const Json* to, std::string& path) {
   return false;
 }
 
+// The value if it is a whole number that fits. JSON does not tell 3 from 3.0, and some programs write the
+// latter.
+template <class To, class Json>
+std::optional<To> whole_value(const Json& json) {
+  const auto fit = [](auto n) {
+    return std::in_range<To>(n) ? std::optional(static_cast<To>(n)) : std::nullopt;
+  };
+  if (json.is_number_unsigned()) return fit(json.template get<std::uint64_t>());
+  if (json.is_number_integer()) return fit(json.template get<std::int64_t>());
+  if (!json.is_number()) return std::nullopt;
+  const double d = json.template get<double>();
+  return d == std::floor(d) && std::abs(d) < 0x1p63 ? fit(static_cast<std::int64_t>(d)) : std::nullopt;
+}
+
 }  // namespace
 
 template <class Json>
@@ -333,17 +350,16 @@ double JsonPlace<Json>::real() const {
 
 template <class Json>
 std::int64_t JsonPlace<Json>::integer() const {
-  if (!at_->is_number_integer() ||
-      (at_->is_number_unsigned() && at_->template get<std::uint64_t>() > 0x7fffffffffffffffull))
-    fail("a whole number is wanted");
-  return at_->template get<std::int64_t>();
+  const auto n = whole_value<std::int64_t>(*at_);
+  if (!n) fail("a whole number is wanted");
+  return *n;
 }
 
 template <class Json>
 std::uint64_t JsonPlace<Json>::whole(std::uint64_t most) const {
-  if (!at_->is_number_unsigned() || at_->template get<std::uint64_t>() > most)
-    fail("a whole number from 0 to " + std::to_string(most) + " is wanted");
-  return at_->template get<std::uint64_t>();
+  const auto n = whole_value<std::uint64_t>(*at_);
+  if (!n || *n > most) fail("a whole number from 0 to " + std::to_string(most) + " is wanted");
+  return *n;
 }
 
 template <class Json>

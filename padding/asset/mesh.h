@@ -53,7 +53,9 @@ struct Mesh {
   Box bounds() const;   // of the points that triangles use
   double area() const;  // sum over the triangles
 
-  const Point& corner(std::size_t triangle, int k) const { return points[triangles[triangle][k]]; }
+  const Point& corner(std::size_t triangle, int k) const {
+    return points[triangles[triangle][static_cast<std::size_t>(k)]];
+  }
   std::array<Point, 3> corners(std::size_t t) const { return {corner(t, 0), corner(t, 1), corner(t, 2)}; }
   Point middle(std::size_t t) const { return (corner(t, 0) + corner(t, 1) + corner(t, 2)) / 3; }
   Vector area_normal(std::size_t t) const {  // along the outward normal, as long as the triangle's area

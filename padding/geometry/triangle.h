@@ -74,9 +74,9 @@ struct TrianglePart {
   // The squared length of the longest edge, and the corner that this edge starts from.
   std::pair<double, int> longest_edge() const {
     std::pair<double, int> longest{-1, 0};
-    for (int k = 0; k < 3; k++) {
+    for (std::size_t k = 0; k < 3; k++) {
       const double length2 = (corner[(k + 1) % 3] - corner[k]).squaredNorm();
-      if (length2 > longest.first) longest = {length2, k};
+      if (length2 > longest.first) longest = {length2, static_cast<int>(k)};
     }
     return longest;
   }

@@ -97,6 +97,8 @@ class UrdfReader {
     const bool visual = options_.visual || !collision;
     for (const auto& link : root.children("link")) add_link(link, visual ? "visual" : "collision", robot);
     if (links_.empty()) fail("there is no <link> in it");
+    if (!visual && seen && std::ranges::all_of(links_, [](const RobotLink& l) { return l.shapes.empty(); }))
+      fail("its collision shapes are all points, which are left out: --visual pads what can be seen");
     for (const auto& joint : root.children("joint")) add_joint(joint);
     check_mimics();
     if (!collision && seen)
@@ -261,10 +263,13 @@ class UrdfReader {
   fs::path found(const std::string& reference, const std::string& where) const {
     const bool uri = reference.find("://") != std::string::npos;
     const std::string plain = uri ? unescaped(reference) : reference;
+    // Some forget to escape, and some write for Windows. Isaac Gym's names start from a folder above.
+    std::vector<std::string> names = {plain, reference, reading::slashed(plain), reading::slashed(reference)};
+    if (!uri && !plain.starts_with(".") && !plain.starts_with("/"))
+      names.push_back("package://" + reading::slashed(plain));
     std::vector<fs::path> all;
     std::error_code code;
-    for (const std::string& name :  // some forget to escape, and some write for Windows
-         {plain, reference, reading::slashed(plain), reading::slashed(reference)})
+    for (const std::string& name : names)
       for (const fs::path& p : places(name)) {
         if (fs::is_regular_file(p, code)) return p;
         all.push_back(p);

@@ -78,7 +78,7 @@ case $step in
   headers)
     include=$work/prefix/include/padder
     cd "$include"
-    # As C++20 with every warning an error; what a header needs it must include itself. Nothing of the build's own.
+    # As C++20 with warnings as errors, as strict programs have them; what a header needs it must include itself. Nothing of the build's own.
     find . -name '*.h' | sed 's,^\./,,' | sort >"$work/headers.txt"
     [ "$(wc -l <"$work/headers.txt")" -ge 20 ]
     # A compile each, a second apiece: not again while no header and no compiler has changed, whatever else has.
@@ -86,7 +86,7 @@ case $step in
     [ "$sum" = "$(cat "$work/headers.sum" 2>/dev/null)" ] && exit 0
     mpi="$(mpicxx --showme:compile 2>/dev/null || true) -DOMPI_SKIP_MPICXX -DMPICH_SKIP_MPICXX"  # for the headers of detect/mpi
     export mpi
-    xargs -P 2 -n 1 sh -c 'echo "#include \"$0\"" | "$CXX" -std=c++20 -fopenmp -Wall -Wextra -Werror -fsyntax-only \
+    xargs -P 2 -n 1 sh -c 'echo "#include \"$0\"" | "$CXX" -std=c++20 -fopenmp -Wall -Wextra -Wconversion -Wsign-conversion -Werror -fsyntax-only \
       -I . -isystem /usr/include/eigen3 $mpi -x c++ - || { echo "$0 does not compile by itself" >&2; exit 1; }' <"$work/headers.txt"
     echo "$sum" >"$work/headers.sum"
     ;;

@@ -332,7 +332,7 @@ TEST_F(RobotTest, AMeshIsFoundHoweverItIsWritten) {
        {std::string("..\\meshes\\Tet.obj"), std::string("package://pkg\\meshes\\Tet.obj"),
         std::string("package:///pkg/meshes/Tet.obj"), std::string("file://$(find pkg)/meshes/Tet.obj"),
         std::string("$(find pkg)/meshes/Tet.obj"), "file://localhost" + absolute, "file://" + absolute,
-        std::string("file://../meshes/Tet.obj")})
+        std::string("file://../meshes/Tet.obj"), std::string("pkg/meshes/Tet.obj")})
     EXPECT_EQ(read(name), "pkg/meshes/Tet.obj") << name;
   for (const std::string name : {"package://pkg/meshes/TET.obj", "../Meshes/tet.obj", "..\\meshes\\tet.OBJ"})
     EXPECT_TRUE(refuses([&] { read(name); }, "pkg/meshes/Tet.obj is there: write the name with")) << name;
@@ -580,6 +580,14 @@ TEST_F(RobotTest, AQuaternionTurnsAsRollPitchAndYaw) {
 TEST_F(RobotTest, ARobotWithoutGeometryIsToldSo) {
   const std::string said = error_of([&] { pad_robot(urdf("<link name='a'/>"), coarse(), {}, {}); });
   EXPECT_TRUE(said.ends_with("no link has any geometry")) << said;
+  const std::string ball = "<geometry><sphere radius='1'/></geometry></visual>";
+  const fs::path points =
+      urdf("<link name='a'><collision><geometry><sphere radius='0'/></geometry></collision><visual>" + ball +
+           "</link>");
+  EXPECT_TRUE(error_of([&] {
+                read_urdf(points);
+              }).ends_with("all points, which are left out: --visual pads what can be seen"));
+  EXPECT_EQ(read_urdf(points, {.package_folders = {}, .visual = true}).links[0].shapes.size(), 1u);
 }
 
 TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {

@@ -285,8 +285,6 @@ def test_one_radius(centers, radius):
 def test_few(n):
     for layout in LAYOUTS.values():
         c, r = layout(C[:n]), layout(R[:n])
-        if np.shape(c) != (n, 3):
-            continue  # a list of nothing has no second axis
         assert len(padder.detect(c, r, layout(FAMILY[:n]), layout(MASK[:n]), is_static=layout(STILL[:n].astype("u1")), backend="omp")) == 0
         assert len(padder.detect(c, 0.4, backend="omp")) == 0
     assert len(padder.detect(np.zeros((0, 3)), [], [], [], is_static=[], backend="omp")) == 0
@@ -306,6 +304,52 @@ def test_other_sequences():
     records = np.zeros(80, [("x", "f4"), ("c", "f8", 3), ("r", ">f4"), ("family", "u2")])  # numbers of a record, not aligned
     records["c"], records["r"], records["family"] = C, R, FAMILY
     assert loose(centers=records["c"], radii=records["r"], family=records["family"]) == loose()
+
+
+class Endless:
+    """NumPy asks such an object for one entry after the other, until memory ends."""
+
+    def __getitem__(self, k):
+        return [0.0, 0.0, 0.0]
+
+
+class Long(Endless):
+    def __len__(self):
+        return 3
+
+
+def test_a_sequence_without_an_end_is_refused():
+    with pytest.raises(TypeError, match="centers is not an array of numbers|centers must be real numbers"):
+        padder.detect(Endless(), 1.0)
+    with pytest.raises(TypeError, match="more entries than its length"):
+        padder.detect(Long(), 1.0)
+
+
+def test_what_an_object_raises_is_kept():
+    class Raises(OnlyArray):
+        def __array__(self, *_, **__):
+            raise self.a
+
+    for error in (KeyboardInterrupt, MemoryError, SystemExit):
+        with pytest.raises(error):
+            padder.detect(Raises(error("mine")), 1.0)
+    with pytest.raises(TypeError, match="centers is not an array of numbers") as e:
+        padder.detect(Raises(RuntimeError("mine")), 1.0)
+    assert str(e.value.__cause__) == "mine"
+
+
+def test_a_dlpack_that_is_none_is_told():
+    class No(OnlyDlpack):
+        def __dlpack__(self, **_):
+            return 5
+
+    with pytest.raises(TypeError, match="centers has a __dlpack__ that gives no fresh capsule of DLPack"):
+        padder.detect(No(np.array(C)), R)
+
+
+def test_an_empty_list_has_no_rows():
+    assert len(padder.detect([], [], backend="omp")) == len(padder.detect(np.zeros(0), 1.0, backend="omp")) == 0
+    assert len(padder.Bodies(SHAPES, [], [], family=[], mask=[], is_static=[])) == 0
 
 
 def test_memory_is_kept_while_it_is_read():

@@ -168,6 +168,21 @@ class ManifestTest(unittest.TestCase):
         mesh.write_bytes(b"changed" + mesh.read_bytes()[7:])  # in its header
         self.assertEqual(self.counts(*words), (1, 0, 0))
 
+    def test_a_robot_without_its_srdf_is_made_again(self):
+        data = pathlib.Path(__file__).resolve().parent.parent / "data"
+        shutil.copytree(data / "robot", self.folder / "robot")
+        self.put("list.txt", "robot/arm_description/arm.urdf\n")
+        words = "--manifest", "list.txt", "-o", "out", "--tolerance", "10%"
+        self.assertEqual(self.counts(*words), (1, 0, 0))
+        srdf, = (self.folder / "out").rglob("*.srdf")
+        text = srdf.read_bytes()
+        srdf.unlink()
+        self.assertEqual(self.counts(*words), (1, 0, 0))
+        self.assertEqual(srdf.read_bytes(), text)
+        srdf.write_text("<robot/>")
+        self.assertEqual(self.counts(*words), (1, 0, 0))
+        self.assertEqual(self.counts(*words), (0, 1, 0))
+
     def test_included_files_of_an_mjcf_count(self):
         self.put("part.xml", "<mujoco><body name='b'><geom type='box' size='.1 .1 .1'/></body></mujoco>")
         self.put("whole.xml", "<mujoco><worldbody><include file='part.xml'/></worldbody></mujoco>")

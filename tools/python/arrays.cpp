@@ -124,8 +124,9 @@ py::object host_view(const Array& a) {
 
 Array from_dlpack(const py::object& object, const char* name) {
   const py::object capsule = object.attr("__dlpack__")();
+  if (!PyCapsule_IsValid(capsule.ptr(), "dltensor"))
+    throw py::type_error(named(name, "has a __dlpack__ that gives no fresh capsule of DLPack"));
   auto* managed = static_cast<DlManaged*>(PyCapsule_GetPointer(capsule.ptr(), "dltensor"));
-  if (!managed) throw py::error_already_set();
   PyCapsule_SetName(capsule.ptr(), "used_dltensor");  // it is now ours to delete
   Array a;
   a.keep = py::capsule(managed, [](void* m) {
@@ -161,16 +162,19 @@ Array from_numpy(const py::array& array) {
 // A sequence that NumPy takes entry by entry.
 bool is_list(PyObject* o) {
   if (PyList_Check(o) || PyTuple_Check(o)) return true;
-  return PySequence_Check(o) && !PyUnicode_Check(o) && !PyObject_CheckBuffer(o) &&
-         !PyObject_HasAttrString(o, "__array__");
+  return PySequence_Check(o) && PyObject_HasAttrString(o, "__len__") && !PyUnicode_Check(o) &&
+         !PyObject_CheckBuffer(o) && !PyObject_HasAttrString(o, "__array__");
 }
 
 // Calls use(entry) for each entry, and for each entry of a list in it, until it returns true.
 template <class Use>
 bool any_entry(const py::handle& list, Use use, int depth = 1) {
   constexpr int most = 2;  // dimensions of any argument
-  for (const py::handle entry : list)
+  std::size_t left = py::len(list);
+  for (const py::handle entry : list) {
+    if (left-- == 0) throw py::type_error("a sequence has more entries than its length says");  // or no end
     if (depth < most && is_list(entry.ptr()) ? any_entry(entry, use, depth + 1) : use(entry)) return true;
+  }
   return false;
 }
 
@@ -194,8 +198,11 @@ py::array numpy_array(const py::object& object, const char* name) {
       const py::object array = np.attr("asanyarray")(object);
       if (!masked(array)) return np.attr("asarray")(array);
     }
-  } catch (const py::error_already_set&) {
-    throw py::type_error(named(name, "is not an array of numbers"));
+  } catch (py::error_already_set& e) {
+    // Ctrl-C and too little memory are no fault of the argument.
+    if (!e.matches(PyExc_Exception) || e.matches(PyExc_MemoryError)) throw;
+    py::raise_from(e, PyExc_TypeError, named(name, "is not an array of numbers").c_str());
+    throw py::error_already_set();
   }
   throw py::value_error(named(name, "has masked entries: fill them or remove them"));
 }
@@ -261,8 +268,11 @@ Array array_of(const py::object& object, const Contract& wanted) {
   if (other) {
     a = *other;
   } else {
-    const py::array array = numpy_array(host, wanted.name);
+    py::array array = numpy_array(host, wanted.name);
     check_type(host, array, wanted);
+    if (array.ndim() == 1 && array.size() == 0 && wanted.shape.size() == 2)
+      array =
+          array.reshape({py::ssize_t{0}, wanted.shape[1]});  // an empty list has no rows to tell their length
     a = from_numpy(array);
   }
   if (!shape_fits(a, wanted))

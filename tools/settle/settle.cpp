@@ -258,6 +258,14 @@ class Frames {
     report["frames"] = written.frames;
     report["page"] = {{"spheres", written.spheres}, {"bytes", written.bytes}};
   }
+  // Programs that show NAME_0000, NAME_0001 and so on would show the end of a longer run behind this one.
+  void warn_of_older() const {
+    const fs::path next = padder::settle::frame_path(a_.output, number_);
+    if (std::error_code code; a_.output.empty() || page() || !fs::exists(next, code)) return;
+    std::fprintf(stderr,
+                 "settle: %s is no frame of this run and was there before: remove it and what follows it\n",
+                 next.string().c_str());
+  }
   bool page() const { return a_.output.ends_with(".html"); }
 
  private:
@@ -356,7 +364,7 @@ int settle(const Arguments& a) {
   if (frames.page()) bar.show(1, "writing " + a.output);
   frames.finish(stepper, report);
   bar.clear();
-  if (!a.quiet) warn_of_soft_contacts(stepper);
+  if (!a.quiet) warn_of_soft_contacts(stepper), frames.warn_of_older();
   if (a.json)
     padder::cli::print_json(report);
   else if (!a.quiet)

@@ -231,6 +231,8 @@ TEST(Cluster, FaultyDocumentsEndInASentenceThatNamesTheKey) {
       {head + R"("family":-1,)" + spheres + "}", "text, family: a whole number from 0 to 4294967295"},
       {head + R"("mask":4294967296,)" + spheres + "}", "text, mask: a whole number from 0 to 4294967295"},
       {head + R"("mask":1.5,)" + spheres + "}", "text, mask: a whole number from 0 to 4294967295"},
+      {head + R"("mask":-1.0,)" + spheres + "}", "text, mask: a whole number from 0 to 4294967295"},
+      {head + R"("mask":1e300,)" + spheres + "}", "text, mask: a whole number from 0 to 4294967295"},
       {head + R"("name":7,)" + spheres + "}", "text, name: a string"},
       {head + R"("source":7,)" + spheres + "}", "text, source: an object"},
       {head + R"("settings":7,)" + spheres + "}", "text, settings: an object"},
@@ -247,6 +249,18 @@ TEST(Cluster, FaultyDocumentsEndInASentenceThatNamesTheKey) {
     EXPECT_EQ(sentence.find("json."), std::string::npos) << sentence;  // the library's own words
     EXPECT_NE(sentence.find(words), std::string::npos) << text << "\n" << sentence;
   }
+}
+
+// JSON has one kind of number. Programs that have one, too, write 3.0.
+TEST(Cluster, AWholeNumberMayBeWrittenWithAPoint) {
+  const Cluster c =
+      cluster_from_json(R"({"format":"padder.cluster","version":1.0,"family":3.0,"mask":4.294967295e9,
+    "source":{"triangles":12e0},"spheres":{"count":2.0,"centers":[[0,0,0],[1,0,0]],"radii":[1,1],"triangle":[-1.0,7.0]}})",
+                        "text");
+  EXPECT_EQ(c.family, 3u);
+  EXPECT_EQ(c.mask, 4294967295u);
+  EXPECT_EQ(c.source.triangles, 12u);
+  EXPECT_EQ(c.triangle, (std::vector<std::int64_t>{-1, 7}));
 }
 
 // A message must not repeat all of a file, nor pass on its control characters.

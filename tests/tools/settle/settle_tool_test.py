@@ -279,6 +279,9 @@ with tempfile.TemporaryDirectory() as folder:
 
     refused("would both write", "again.json", "-o", "new.npz", "--checkpoint", "./new_0000.npz", code=2)
     assert report("ball.json", "--steps", 2, "-o", "few.npz", "--frames", 1000000)["frames"] == 3
+    fewer = run("settle", "ball.json", "--steps", 2, "-o", "few.npz", "--frames", 2).stderr
+    assert "few_0002.npz is no frame of this run and was there before: remove it" in fewer, fewer
+    assert "frame" not in run("settle", "ball.json", "--steps", 2, "-o", "few.npz", "--frames", 3).stderr
 
     # - is stdin, and of a page stdout.
     with open("ball.json") as stdin:

@@ -103,7 +103,7 @@ class List {
     for (const Part& part : parts_)
       note_inputs(part.mesh, robot_of(part.mesh, part.settings->arguments), files);
     for (std::size_t k = 0; k < parts_.size(); k++)
-      for (const fs::path& output : {fs::path(parts_[k].output), pairs_[k]})
+      for (const fs::path& output : {fs::path(parts_[k].output), parts_[k].pairs})
         if (!output.empty())
           files.writes(fs::path(a_.output()) / output, where_[k],
                        "give -o another folder, or list the parts in a manifest, each with its own -o");
@@ -164,9 +164,10 @@ class List {
     if (output.is_absolute() || output == "." || *output.begin() == ".." || !output.has_filename())
       throw UsageError(where + ": its output " + output.string() +
                        " is no file below the output folder: give the line -o with a name below it");
-    parts_.push_back({mesh, output.generic_string(), std::move(settings)}), where_.push_back(where);
-    pairs_.push_back(pairs_file(mesh, {output, format}));
-    for (const fs::path& file : {output, pairs_.back()}) refuse_own(file, where);
+    parts_.push_back(
+        {mesh, output.generic_string(), pairs_file(mesh, {output, format}), std::move(settings)});
+    where_.push_back(where);
+    for (const fs::path& file : {output, parts_.back().pairs}) refuse_own(file, where);
   }
 
   // What pad itself keeps in the output folder.
@@ -183,7 +184,6 @@ class List {
   std::unordered_map<std::string, std::shared_ptr<const PartSettings>> known_;
   std::vector<Part> parts_;
   std::vector<std::string> where_;  // each is listed
-  std::vector<fs::path> pairs_;     // pairs_file() of each
 };
 
 }  // namespace

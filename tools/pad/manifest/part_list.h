@@ -2,6 +2,7 @@
 // The parts of a manifest, of folders and of patterns.
 #pragma once
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <memory>
 #include <string>
@@ -21,6 +22,7 @@ struct PartSettings {
 struct Part {
   std::string mesh;                              // as it can be opened from here
   std::string output;                            // below the output folder, with slashes
+  std::filesystem::path pairs;                   // pairs_file() of the output
   std::shared_ptr<const PartSettings> settings;  // shared by all parts with the same options
 };
 

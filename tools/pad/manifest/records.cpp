@@ -72,6 +72,14 @@ std::string key_of(const Part& part, const std::string& sha256_of_mesh) {
   return sha256(made_of.dump(-1, ' ', false, kReplace));
 }
 
+std::string sha256_of_asset(const Part& part, const fs::path& folder) {
+  const std::string output = sha256_of_file(folder / part.output);
+  std::error_code code;  // spheres that are converted need not have pairs
+  return part.pairs.empty() || !fs::exists(folder / part.pairs, code)
+             ? output
+             : sha256(output + sha256_of_file(folder / part.pairs));
+}
+
 bool is_current(const Record& record, const Part& part, const fs::path& folder) try {
   if (!record.done() || record.inputs.empty()) return false;
   for (const Record::Input& input : record.inputs) {
@@ -79,7 +87,7 @@ bool is_current(const Record& record, const Part& part, const fs::path& folder) 
     const std::string now = sha256_of_file(first ? part.mesh : input.file);
     if (now != input.sha256 || (first && record.key != key_of(part, now))) return false;
   }
-  return sha256_of_file(folder / part.output) == record.sha256;
+  return sha256_of_asset(part, folder) == record.sha256;
 } catch (const Error&) {  // something is missing
   return false;
 }

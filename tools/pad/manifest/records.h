@@ -20,7 +20,7 @@ struct Record {
   std::string output, mesh;   // as in Part
   std::string key;            // key_of(); empty when the mesh could not be read
   std::vector<Input> inputs;  // each with the content that it had
-  std::string sha256;         // of the asset; empty when there is none
+  std::string sha256;         // sha256_of_asset(); empty when there is none
   std::string error;          // the sentence; empty when it was made
   // Of the asset. Lengths in parts of the diagonal.
   std::uint64_t triangles = 0, spheres = 0;
@@ -39,6 +39,9 @@ Record record_of(const nlohmann::ordered_json& json);  // throws nlohmann's exce
 // What an asset is made of, besides the content of further inputs: content and name of the mesh, settings,
 // version.
 std::string key_of(const Part& part, const std::string& sha256_of_mesh);
+
+// Of the part's files in `folder`: its output, or this and the SRDF that came with it. Throws Error.
+std::string sha256_of_asset(const Part& part, const std::filesystem::path& folder);
 
 // Is the asset that `record` tells of still there, and made of what `part` would be made of now? Reads the
 // inputs and the asset.

@@ -57,7 +57,7 @@ std::string pad_part(const Part& part, const fs::path& folder, int threads) {
     named.outputs = {(folder / part.output).string()};
     target.outputs = {{named.output(), format_of(named, part.mesh)}};
     const Json report = pad_one(named, part.mesh, target, {}, [] {});
-    r.sha256 = sha256_of_file(named.output());
+    r.sha256 = sha256_of_asset(part, folder);
     report.at("spheres").get_to(r.spheres), report.at("warnings").get_to(r.warnings);
     if (report.contains("diagonal")) {  // a mesh, not a robot
       const double diagonal = report["diagonal"];
