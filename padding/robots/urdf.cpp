@@ -139,8 +139,7 @@ class UrdfReader {
     if (result.code == kNotFound)
       fail(
           "the program xacro, which expands it, is not installed: install it (ROS's package xacro), or "
-          "expand "
-          "the file elsewhere and give the .urdf");
+          "expand the file elsewhere and give the .urdf");
     if (result.code != 0) fail("xacro cannot expand it, for the reason that it gave above");
     return result.text;
   }

@@ -74,8 +74,7 @@ TEST_F(ArraysTest, NumpyLoadsIt) {
           "' && '" PADDER_PYTHON
           "' -c 'import numpy\nz = numpy.load(\"b.npz\")\n"
           "print(sorted(z.files), z[\"centers\"].shape, z[\"centers\"].dtype, z[\"radii\"].shape, "
-          "z[\"family\"].dtype, "
-          "z[\"family\"][2], z[\"mask\"][0])\n"
+          "z[\"family\"].dtype, z[\"family\"][2], z[\"mask\"][0])\n"
           "numpy.savez(\"back.npz\", centers=z[\"centers\"][1:].astype(\"f4\"), radii=z[\"radii\"][1:])'");
   EXPECT_EQ(r.output,
             "['centers', 'family', 'mask', 'radii', 'unit_in_metres'] (3, 3) float64 (3,) uint32 4294967294 "

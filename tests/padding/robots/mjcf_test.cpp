@@ -136,14 +136,14 @@ TEST_F(MjcfTest, EveryGeomStandsWhereMuJoCoPutsIt) {
       "<mujoco><body name='hand' pos='0 0 .4' zaxis='1 1 3'><joint name='wrist' type='hinge' axis='1 0 "
       "0' pos='.1 0 .05' ref='.3' range='-1 2'/><joint name='slide' type='slide' axis='1 2 0' ref='-.2' "
       "range='-1 1'/><joint name='twist' axis='0 0 2'/><geom type='mesh' mesh='tet' pos='0 .1 0' euler='.1 "
-      ".2 "
-      ".3'/><geom type='mesh' mesh='turned'/><geom class='thin' fromto='0 0 0 .2 .1 .3'/></body></mujoco>");
+      ".2 .3'/><geom type='mesh' mesh='turned'/><geom class='thin' fromto='0 0 0 .2 .1 "
+      ".3'/></body></mujoco>");
   const std::string inside =
       "<asset><mesh name='tet' file='tet.obj' scale='.1 -.2 .3' refpos='.1 .2 .3'/>"
       "<mesh name='turned' file='tet.obj' scale='-.1 -.1 -.1' refpos='.1 .2 .3' refquat='1 .2 0 .3'/></asset>"
       "<default class='top'><geom size='.1 .2 .3'/><joint damping='3'/><default class='arm'><geom "
-      "type='capsule' "
-      "euler='.3 .2 .1'/><default class='thin'><geom size='.02'/></default></default></default>"
+      "type='capsule' euler='.3 .2 .1'/><default class='thin'><geom "
+      "size='.02'/></default></default></default>"
       "<worldbody><geom type='plane' size='1 1 1'/><geom class='top' type='box' pos='3 0 0' quat='1 2 3 4'/>"
       "<body name='base' pos='0 0 1' axisangle='1 1 0 .5'><freejoint name='root'/><geom type='ellipsoid' "
       "xyaxes='1 1 0 -1 1 .5'/><body name='upper' childclass='arm' pos='0 .2 0' euler='.3 -.2 1'>"
@@ -184,13 +184,12 @@ TEST_F(MjcfTest, InventedNamesAreThoseOfNoOther) {
 TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
   const RobotTree r = read_mjcf(put(
       "<default><motor ctrlrange='-2 3'/></default><worldbody><body name='a'><geom size='.1'/><joint "
-      "name='j' "
-      "range='-90 45' damping='2' frictionloss='.5'/><body name='b' pos='1 0 0'><joint name='k' type='slide' "
-      "range='-1 1' limited='false'/><geom size='.1'/><body name='c' pos='1 0 0'><joint name='l' "
-      "ref='10'/><geom size='.1'/>"
+      "name='j' range='-90 45' damping='2' frictionloss='.5'/><body name='b' pos='1 0 0'><joint name='k' "
+      "type='slide' range='-1 1' limited='false'/><geom size='.1'/><body name='c' pos='1 0 0'><joint "
+      "name='l' ref='10'/><geom size='.1'/>"
       "<inertial pos='1 2 3' mass='4' fullinertia='3 4 5 .1 .2 .3'/></body></body><body name='d' pos='0 9 "
-      "0'><geom "
-      "size='.1' contype='2' conaffinity='2'/><joint name='m' type='ball'/></body></body></worldbody>"
+      "0'><geom size='.1' contype='2' conaffinity='2'/><joint name='m' "
+      "type='ball'/></body></body></worldbody>"
       "<contact><exclude body1='a' body2='c'/></contact><actuator><motor joint='j' gear='5'/></actuator>"
       "<equality><joint joint1='l' joint2='j' polycoef='.1 .5 0 0 0'/><joint joint1='k' joint2='j' "
       "active='false'/></equality>"));
@@ -233,10 +232,9 @@ TEST_F(MjcfTest, WhatMovesMayTouchTheWorld) {
 TEST_F(MjcfTest, TheFirstPoseIsThatOfTheReferences) {
   const fs::path file = world(
       "<body name='p' pos='0 0 1'><joint name='px' type='slide' axis='1 0 0' ref='1' limited='true' "
-      "range='-2 "
-      "2'/><geom type='box' size='.2 .2 .2'/></body><body name='q' pos='.1 0 1'><joint name='qx' "
-      "type='slide' "
-      "axis='1 0 0' ref='2' limited='true' range='-3 3'/><geom type='box' size='.2 .2 .2'/></body>");
+      "range='-2 2'/><geom type='box' size='.2 .2 .2'/></body><body name='q' pos='.1 0 1'><joint name='qx' "
+      "type='slide' axis='1 0 0' ref='2' limited='true' range='-3 3'/><geom type='box' size='.2 .2 "
+      ".2'/></body>");
   PadOptions options;
   options.tolerance = Length::share(0.05);
   const PaddedRobot r = pad_robot(file, options);
@@ -263,12 +261,10 @@ TEST_F(MjcfTest, WhatNoFormatGetsIsListedInOneNote) {
       "<position joint='j'/></actuator><sensor><jointpos joint='j'/></sensor><keyframe><key "
       "qpos='0'/></keyframe>"));
   ASSERT_EQ(r.notes.size(), 1u);
-  EXPECT_EQ(
-      r.notes[0],
-      "left out, since no link, joint or pair of links has it: actuators other than motors, armature, "
-      "cameras, "
-      "closed loops (connect, weld), gravity, keyframes, sensors, sites, springref, stiffness, tendons, "
-      "timestep");
+  EXPECT_EQ(r.notes[0],
+            "left out, since no link, joint or pair of links has it: actuators other than motors, armature, "
+            "cameras, closed loops (connect, weld), gravity, keyframes, sensors, sites, springref, "
+            "stiffness, tendons, timestep");
 }
 
 TEST_F(MjcfTest, BallsKeepTheirRangeAndMassesTheirTotal) {
@@ -421,9 +417,8 @@ TEST_F(MjcfTest, MassesThatNeedAMeshAreNotKnown) {
   // A stated mass is kept, and the shape gives the moments: a tetrahedron's, and a cube's of density 1000.
   const fs::path file =
       put("<compiler settotalmass='30'/><asset><mesh file='tet.obj'/></asset><worldbody><body "
-          "name='a'><joint/><geom "
-          "type='mesh' mesh='tet' mass='2'/></body><body pos='5 0 0'><joint/><geom type='box' size='.1 .1 "
-          ".1'/></body></worldbody>");
+          "name='a'><joint/><geom type='mesh' mesh='tet' mass='2'/></body><body pos='5 0 0'><joint/><geom "
+          "type='box' size='.1 .1 .1'/></body></worldbody>");
   EXPECT_EQ(read_mjcf(file).notes.at(0),
             "bodies whose geoms state a mass, and whose moments follow from the shape that is padded: a");
   PadOptions options;
@@ -492,11 +487,9 @@ TEST_F(MjcfTest, SpheresThatSayMoreAreARobot) {
 TEST_F(MjcfTest, APaddedRobotIsTheSameRobot) {
   const fs::path file = world(
       "<body name='base' pos='0 0 1'><freejoint name='root'/><inertial pos='0 0 0' mass='5' diaginertia='1 1 "
-      "1'/><geom "
-      "type='box' size='.1 .1 .1'/><body name='leg' pos='.3 0 0'><joint name='hip' axis='0 1 0' pos='0 0 .1' "
-      "range='-60 "
-      "60'/><inertial pos='0 0 -.2' mass='2' diaginertia='.1 .1 .1'/><geom type='capsule' size='.03' "
-      "fromto='0 0 0 0 0 -.4'/></body></body>");
+      "1'/><geom type='box' size='.1 .1 .1'/><body name='leg' pos='.3 0 0'><joint name='hip' axis='0 1 0' "
+      "pos='0 0 .1' range='-60 60'/><inertial pos='0 0 -.2' mass='2' diaginertia='.1 .1 .1'/><geom "
+      "type='capsule' size='.03' fromto='0 0 0 0 0 -.4'/></body></body>");
   ASSERT_TRUE(is_robot_file(file));
   for (const char* name : {"a.urdf", "A.URDF", "a.Xacro"}) EXPECT_TRUE(is_robot_file(name));
   EXPECT_FALSE(is_robot_file("a.stl"));
