@@ -111,7 +111,7 @@ class UrdfReader {
       if (b.joint.locked()) locked.push_back(b.joint.name);
     }
     const auto note = [&](const char* what, const std::vector<std::string>& joints) {
-      if (!joints.empty()) robot.notes.push_back(what + listed(joints));
+      if (!joints.empty()) robot.notes.push_back(what + first_few(joints));
     };
     note("joints whose lower limit is above the upper one are taken to have no limits: ", crossed);
     note("joints that do not move, because their limits (0 where <limit> states none) leave only one place: ",
@@ -450,7 +450,7 @@ class UrdfReader {
     for (const Body& b : robot.model.bodies)
       if (b.parent < 0) roots.push_back(b.name);
     if (roots.size() > 1)
-      fail("a robot has one root, and here are " + std::to_string(roots.size()) + ": " + listed(roots));
+      fail("a robot has one root, and here are " + std::to_string(roots.size()) + ": " + first_few(roots));
   }
 
   fs::path path_;
