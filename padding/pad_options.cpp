@@ -64,8 +64,7 @@ void check_each_error(const PadOptions& options) {
       options.balance != Balance::none)
     throw Error(
         "a protrusion and a gap by themselves exclude a depth ratio, a count, a ladder, a balance and "
-        "smoothness: leave "
-        "these out");
+        "smoothness: leave these out");
 }
 
 }  // namespace
@@ -101,8 +100,7 @@ void check(const PadOptions& options) {
   if (options.edge_length.given() && !options.by_depth())
     throw Error(
         "an edge length has no effect on spheres that a tolerance or a count chooses: leave it out, or give "
-        "a "
-        "depth ratio as well");
+        "a depth ratio as well");
   if (options.sharp_angle != PadOptions().sharp_angle && !options.by_depth())
     throw Error(
         "a sharp angle has no effect on spheres that a tolerance or a count chooses: leave it out, or give a "
@@ -116,8 +114,7 @@ void check(const PadOptions& options) {
                              options.balance != Balance::none || options.smooth > 0))
     throw Error(
         "radius limits, balance and smooth have no effect on the spheres of a depth ratio: ask for a "
-        "tolerance "
-        "or a count, without a depth ratio");
+        "tolerance or a count, without a depth ratio");
 }
 
 void check_meant(const PadOptions& options, const Box& box, const std::string& name) {

@@ -329,8 +329,8 @@ PaddedRobot pad_robot(const fs::path& path, RobotTree robot, const PadOptions& a
   }
   if (tasks.empty())
     out.notes.push_back(
-        "all shapes are spheres already, which are kept as they are and not measured: to pad the "
-        "visual meshes, ask for these (--visual)");
+        "all shapes are spheres already, which are kept as they are and not measured: to pad the visual "
+        "meshes, ask for these (--visual)");
   const Links links(path, robot, std::move(tasks), progress);
   if (whole.max_spheres > 0 && !links.tasks().empty()) {
     out.tolerance = links.tolerance_for(whole.max_spheres - std::min(whole.max_spheres, kept), options);

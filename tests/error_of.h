@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// The sentence of an Error, for tests of what is refused.
+// The sentence of an Error, for tests of what is refused, and words in a text.
 #pragma once
 #include <gtest/gtest.h>
 
@@ -20,13 +20,18 @@ std::string error_of(const Work& work) {
   return "";
 }
 
+// Are these words in the text?
+inline ::testing::AssertionResult holds(const std::string& text, const std::string& words) {
+  if (text.find(words) != std::string::npos) return ::testing::AssertionSuccess();
+  return ::testing::AssertionFailure() << '"' << text << "\", wanted: " << words;
+}
+
 // Does `work` throw an Error with these words?
 template <class Work>
 ::testing::AssertionResult refuses(const Work& work, const std::string& words) {
   const std::string said = error_of(work);
-  if (!said.empty() && said.find(words) != std::string::npos) return ::testing::AssertionSuccess();
-  return ::testing::AssertionFailure()
-         << (said.empty() ? "nothing was refused" : "\"" + said + "\"") << ", wanted: " << words;
+  if (said.empty()) return ::testing::AssertionFailure() << "nothing was refused, wanted: " << words;
+  return holds(said, words);
 }
 
 }  // namespace padder

@@ -6,6 +6,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <set>
 #include <string>
 
 #include "padding/asset/file.h"
@@ -32,6 +33,13 @@ class ProgramTest : public ::testing::Test, protected TemporaryFolder {
                           read_file(err)};
     std::filesystem::remove(out), std::filesystem::remove(err);
     return outcome;
+  }
+  // What lies in the folder, by its path from there.
+  std::set<std::string> files() const {
+    std::set<std::string> names;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
+      if (entry.is_regular_file()) names.insert(std::filesystem::relative(entry.path(), folder_).string());
+    return names;
   }
 };
 

@@ -62,13 +62,11 @@ inline CLI::Validator not_tiny() {
       "length that can be computed with: write at least 2.3e-308");
 }
 
-// CLI11 would replace a number that is too large by the largest there is.
+// Digits without a sign and without a leading zero. CLI11 would replace a number that is too large by the
+// largest there is.
 inline bool is_whole(const std::string& text) {
   return number_of<std::uint64_t>(text) && (text == "0" || text[0] != '0');
 }
-
-// Digits without a sign and without a leading zero.
-inline CLI::Validator whole() { return accepting(is_whole, "whole number in decimal digits"); }
 
 // The type of the numbers that an option holds.
 template <class Value>

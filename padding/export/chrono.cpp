@@ -27,8 +27,7 @@ Files write_chrono(const Job& job) {
   out += kept ? "// Family k is Chrono's family k; 0, which every body of Chrono's is of at first, is no "
                 "family.\n"
               : "// Families above 14 are among them: the numbers hold among the bodies of this file, and "
-                "are not "
-                "the families.\n";
+                "are not the families.\n";
   out += "// The mesh itself, to look at, goes into that frame by axes^T (p - center).\n#pragma once\n\n";
   out += "namespace " + identifier(job.model.name) + " {\n";
   const std::vector<std::string> names = identifiers(job.model);

@@ -169,8 +169,7 @@ void check_filters(const Model& model, const Format& format) {
   if (format.filter != F::bits) return;
   if (const std::size_t n = neighbours_beyond_families(model); n > 0)
     throw Error(where + "its families cannot keep " + std::to_string(n) +
-                " pairs of neighbours apart; write "
-                "a format that lists pairs, as .xml for MuJoCo or .urdf");
+                " pairs of neighbours apart; write a format that lists pairs, as .xml for MuJoCo or .urdf");
   if (!chrono_bits(exporting::filters_of(model)))
     throw Error(where + "its bodies are told apart by more than the " + std::to_string(format.bits) +
                 " families that " + format.program + " has for them");

@@ -70,7 +70,7 @@ class MjcfReader {
     if (planes_ > 0) note("planes and height fields, which are left out: " + std::to_string(planes_));
     add_masses();
     if (!unlimited_.empty())
-      note("joints that slide without limits, which random poses do not try: " + listed(unlimited_));
+      note("joints that slide without limits, which random poses do not try: " + first_few(unlimited_));
     note_left_out();
     if (soft_ > 0) note("soft bodies (flex), which are left out: " + std::to_string(soft_));
     return std::move(robot_);
@@ -400,17 +400,17 @@ class MjcfReader {
     scale_masses(padded.empty() ? bare : padded);
     if (!shaped.empty())
       note("bodies whose geoms state a mass, and whose moments follow from the shape that is padded: " +
-           listed(shaped));
+           first_few(shaped));
     if (!padded.empty())
       note(
           "bodies without <inertial> that have meshes or shells, so that their mass follows from a density "
           "and not from their geoms: " +
-          listed(padded));
+          first_few(padded));
     if (!bare.empty())
       note(
           "bodies without <inertial> and without spheres that have meshes or shells, which get no mass, "
           "though MuJoCo gives them that of their geoms: " +
-          listed(bare));
+          first_few(bare));
   }
 
   // What the element, or an attribute of it, stands for that no format gets from here; "" for all else.

@@ -40,7 +40,7 @@ struct Groups {
 
 }  // namespace
 
-std::string listed(const std::vector<std::string>& names) {
+std::string first_few(const std::vector<std::string>& names) {
   constexpr std::size_t most = 5;
   std::string text;
   for (std::size_t k = 0; k < std::min(most, names.size()); k++)
@@ -54,7 +54,7 @@ void note_bare(RobotTree& robot, const std::vector<std::string>& links, bool vis
       (visual ? "links that have collision geometry alone get no spheres: "
               : "links that have visual geometry alone get no spheres (--visual pads the visual geometry of "
                 "all links instead): ") +
-      listed(links));
+      first_few(links));
 }
 
 std::vector<std::pair<std::size_t, std::size_t>> neighbours(const RobotTree& robot) {

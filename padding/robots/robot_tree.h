@@ -48,7 +48,7 @@ struct RobotReadOptions {
 };
 
 // The first few names, for a sentence.
-std::string listed(const std::vector<std::string>& names);
+std::string first_few(const std::vector<std::string>& names);
 
 // Notes that `links` have shapes only of the kind that is not padded, if there are any; `visual`: that of
 // `visual` is.

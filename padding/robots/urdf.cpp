@@ -113,7 +113,7 @@ class UrdfReader {
       if (b.joint.locked()) locked.push_back(b.joint.name);
     }
     const auto note = [&](const char* what, const std::vector<std::string>& joints) {
-      if (!joints.empty()) robot.notes.push_back(what + listed(joints));
+      if (!joints.empty()) robot.notes.push_back(what + first_few(joints));
     };
     note("joints whose lower limit is above the upper one are taken to have no limits: ", crossed);
     note("joints that do not move, because their limits (0 where <limit> states none) leave only one place: ",
@@ -141,8 +141,7 @@ class UrdfReader {
     if (result.code == kNotFound)
       fail(
           "the program xacro, which expands it, is not installed: install it (ROS's package xacro), or "
-          "expand "
-          "the file elsewhere and give the .urdf");
+          "expand the file elsewhere and give the .urdf");
     if (result.code != 0) fail("xacro cannot expand it, for the reason that it gave above");
     return result.text;
   }
@@ -456,7 +455,7 @@ class UrdfReader {
     for (const Body& b : robot.model.bodies)
       if (b.parent < 0) roots.push_back(b.name);
     if (roots.size() > 1)
-      fail("a robot has one root, and here are " + std::to_string(roots.size()) + ": " + listed(roots));
+      fail("a robot has one root, and here are " + std::to_string(roots.size()) + ": " + first_few(roots));
   }
 
   fs::path path_;

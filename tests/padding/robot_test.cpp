@@ -2,12 +2,6 @@
 #include "padding/robot.h"
 #include "padding/robots/urdf.h"
 
-#ifdef PADDER_MUJOCO
-#include <mujoco/mujoco.h>
-#endif
-
-#include <omp.h>
-
 #include <algorithm>
 #include <cstdlib>
 #include <map>
@@ -15,11 +9,18 @@
 
 #include "padding/asset/error.h"
 #include "padding/export/families.h"
+#include "padding/export/writers.h"
 #include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
+#include "tests/padding/threads.h"
+#ifdef PADDER_MUJOCO
+#include "tests/padding/in_mujoco.h"
+#endif
 
 namespace padder::samples {
 namespace {
+
+const PadOptions kCoarse{.edge_length = Length::share(0.08)};
 
 class RobotTest : public ExportTest {
  protected:
@@ -33,14 +34,23 @@ class RobotTest : public ExportTest {
     keep_neighbours_apart(u);
     return u.model;
   }
-  static PadOptions coarse() {
-    PadOptions o;
-    o.edge_length = Length::share(0.08);
-    return o;
-  }
+  PaddedRobot coarse(const std::string& inside) { return pad_robot(urdf(inside), kCoarse); }
 };
 
-const std::string kBox = "<collision><geometry><box size='0.2 0.4 0.6'/></geometry></collision>";
+// What is inside <geometry>, and what stands beside that.
+std::string shape(const std::string& geometry, const std::string& place = "") {
+  return "<collision>" + place + "<geometry>" + geometry + "</geometry></collision>";
+}
+std::string mesh(const std::string& file, const std::string& more = "") {
+  return "<mesh filename='" + file + "'" + more + "/>";
+}
+const std::string kBox = shape("<box size='0.2 0.4 0.6'/>");
+const std::string kBar = shape("<box size='.6 .05 .05'/>", "<origin xyz='.6 0 0'/>");
+const std::string kSeven =
+    "<inertial><mass value='7'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
+std::string ball(const std::string& radius, const std::string& place = "0 0 0") {
+  return shape("<sphere radius='" + radius + "'/>", "<origin xyz='" + place + "'/>");
+}
 std::string link(const std::string& name, const std::string& inside = kBox) {
   return "<link name='" + name + "'>" + inside + "</link>";
 }
@@ -66,18 +76,16 @@ TEST_F(RobotTest, ReadsTheTreeParentsFirst) {
 
 TEST_F(RobotTest, RefusesWhatIsNoRobot) {
   const std::string ab = link("a") + link("b");
-  for (const std::string& inside :
-       {std::string(), link("a") + link("a"), ab, ab + joint("a", "x"),
-        ab + joint("a", "b") + joint("b", "a"), ab + joint("a", "b", "glued"),
-        ab + joint("a", "b", "revolute", "<origin xyz='0 0'/>"),
-        ab + link("c") + joint("a", "c") + joint("b", "c"),
-        link("a", "<collision><geometry><torus/></geometry></collision>"),
-        link("a", "<collision><geometry><box size='1 0 1'/></geometry></collision>"),
-        link("a", "<collision><geometry><mesh filename='package://pkg/none.stl'/></geometry></collision>"),
-        link("a", "<collision><geometry><mesh filename='none.stl'/></geometry></collision>")})
+  for (const std::string& inside : {std::string(), link("a") + link("a"), ab, ab + joint("a", "x"),
+                                    ab + joint("a", "b") + joint("b", "a"), ab + joint("a", "b", "glued"),
+                                    ab + joint("a", "b", "revolute", "<origin xyz='0 0'/>"),
+                                    ab + link("c") + joint("a", "c") + joint("b", "c"),
+                                    link("a", shape("<torus/>")), link("a", shape("<box size='1 0 1'/>")),
+                                    link("a", shape("<mesh filename='package://pkg/none.stl'/>")),
+                                    link("a", shape("<mesh filename='none.stl'/>"))})
     EXPECT_THROW(read_urdf(urdf(inside)), Error) << inside;
   EXPECT_THROW(read_urdf(folder_ / "absent.urdf"), Error);
-  EXPECT_THROW(pad_robot(urdf(link("a", "")), coarse()), Error);
+  EXPECT_THROW(coarse(link("a", "")), Error);
 }
 
 TEST_F(RobotTest, NeighboursAreRigidGroupsAndTheNextAboveWithShapes) {
@@ -91,18 +99,15 @@ TEST_F(RobotTest, NeighboursAreRigidGroupsAndTheNextAboveWithShapes) {
   EXPECT_EQ(names, (std::set<std::string>{"base arm", "base tool", "base leg", "arm tool", "arm finger1",
                                           "arm finger2", "tool finger1", "tool finger2"}));
   keep_neighbours_apart(u);
-  std::vector<CollisionFilter> filters;
-  for (const Body& b : u.model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
-  EXPECT_EQ(filtered_pairs(filters), neighbours(u));
+  EXPECT_EQ(filtered_pairs(exporting::filters_of(u.model)), neighbours(u));
 }
 
 // A free body stands on the table that its joint hangs it on, and touches it even in the first pose.
 TEST_F(RobotTest, AFreeBodyMayTouchWhatItHangsOn) {
   for (const char* z : {"0.59", "5"}) {
-    const PaddedRobot r = pad_robot(
-        urdf(link("table") + link("frame", "") + link("box") + joint("table", "frame", "continuous") +
-             joint("frame", "box", "floating", "<origin xyz='0 0 " + std::string(z) + "'/>")),
-        coarse());
+    const PaddedRobot r =
+        coarse(link("table") + link("frame", "") + link("box") + joint("table", "frame", "continuous") +
+               joint("frame", "box", "floating", "<origin xyz='0 0 " + std::string(z) + "'/>"));
     EXPECT_TRUE(r.model.apart.empty()) << z;
     EXPECT_EQ(r.model.bodies[2].cluster.mask, 0u);
   }
@@ -113,14 +118,11 @@ TEST_F(RobotTest, AFreeBodyMayTouchWhatItHangsOn) {
 
 // The other bar may turn into the first one, which has no limits: crossed ones and none are the same.
 TEST_F(RobotTest, JointsWithoutLimitsTurnAllTheWay) {
-  const std::string bar =
-      "<collision><origin xyz='.6 0 0'/><geometry><box size='.6 .05 .05'/></geometry></collision>";
   const std::string turn = "<origin rpy='0 0 1.6'/><axis xyz='0 0 1'/>";
   for (const std::string limit : {"", "<limit lower='3' upper='-3'/>", "<limit lower='-3' upper='3'/>"}) {
-    const PaddedRobot r = pad_robot(urdf(link("a") + link("b", bar) + link("c", bar) +
-                                         joint("a", "b", "revolute", "<axis xyz='0 0 1'/>" + limit) +
-                                         joint("a", "c", "revolute", turn + "<limit lower='0' upper='.1'/>")),
-                                    coarse());
+    const PaddedRobot r = coarse(link("a") + link("b", kBar) + link("c", kBar) +
+                                 joint("a", "b", "revolute", "<axis xyz='0 0 1'/>" + limit) +
+                                 joint("a", "c", "revolute", turn + "<limit lower='0' upper='.1'/>"));
     for (const Apart& p : r.model.apart) EXPECT_EQ(p.reason, "Adjacent") << limit;
   }
 }
@@ -129,12 +131,10 @@ TEST_F(RobotTest, JointsWithoutLimitsTurnAllTheWay) {
 TEST_F(RobotTest, SlidesWithoutLimitsLeavePairsUndecided) {
   const auto reasons = [&](const std::string& limit) {
     std::set<std::string> out;
-    const PaddedRobot r = pad_robot(
-        urdf(link("a") + link("b") + link("c") +
-             joint("a", "b", "prismatic", "<origin xyz='3 0 0'/>" + limit) +
-             joint("a", "c", "prismatic",
-                   "<origin xyz='-3 0 0'/><limit lower='0' upper='1'/><mimic joint='a_b' multiplier='-1'/>")),
-        coarse());
+    const PaddedRobot r = coarse(
+        link("a") + link("b") + link("c") + joint("a", "b", "prismatic", "<origin xyz='3 0 0'/>" + limit) +
+        joint("a", "c", "prismatic",
+              "<origin xyz='-3 0 0'/><limit lower='0' upper='1'/><mimic joint='a_b' multiplier='-1'/>"));
     for (const Apart& p : r.model.apart) out.insert(p.reason);
     return out;
   };
@@ -144,77 +144,66 @@ TEST_F(RobotTest, SlidesWithoutLimitsLeavePairsUndecided) {
 
 // At 0, which is beyond the limits of the first one, the bars are one in the other.
 TEST_F(RobotTest, TheFirstPoseIsWithinTheLimits) {
-  const std::string bar =
-      "<collision><origin xyz='.6 0 0'/><geometry><box size='.6 .05 .05'/></geometry></collision>";
   const PaddedRobot r =
-      pad_robot(urdf(link("a") + link("b", bar) + link("c", bar) +
-                     joint("a", "b", "revolute", "<axis xyz='0 0 1'/><limit lower='.5' upper='3'/>") +
-                     joint("a", "c", "revolute", "<axis xyz='0 0 1'/><limit lower='-3' upper='3'/>")),
-                coarse());
+      coarse(link("a") + link("b", kBar) + link("c", kBar) +
+             joint("a", "b", "revolute", "<axis xyz='0 0 1'/><limit lower='.5' upper='3'/>") +
+             joint("a", "c", "revolute", "<axis xyz='0 0 1'/><limit lower='-3' upper='3'/>"));
   for (const Apart& p : r.model.apart) EXPECT_EQ(p.reason, "Adjacent");
-  EXPECT_NE(text(r.model, "r.xml").find("ref=\"1.75\""), std::string::npos);
+  EXPECT_TRUE(holds(text(r.model, "r.xml"), "ref=\"1.75\""));
 }
 
 // Equal limits lock a joint. <limit> without them means 0 and 0 in URDF.
 TEST_F(RobotTest, EqualLimitsLockAJoint) {
-  const std::string bar =
-      "<collision><origin xyz='.6 0 0'/><geometry><box size='.6 .05 .05'/></geometry></collision>";
   for (const std::string limit : {"lower='1.6' upper='1.6' ", ""}) {
     const bool turned = !limit.empty();
-    const PaddedRobot r = pad_robot(
-        urdf(link("a") + link("b", bar) + link("c", bar) +
-             joint("a", "b", "revolute", "<axis xyz='0 0 1'/><limit " + limit + "effort='1' velocity='1'/>") +
-             joint("a", "c", "revolute",
-                   std::string("<origin rpy='0 0 ") + (turned ? "0" : "1.6") +
-                       "'/><axis xyz='0 0 1'/><limit lower='0' upper='.1'/>")),
-        coarse());
+    const PaddedRobot r = coarse(
+        link("a") + link("b", kBar) + link("c", kBar) +
+        joint("a", "b", "revolute", "<axis xyz='0 0 1'/><limit " + limit + "effort='1' velocity='1'/>") +
+        joint("a", "c", "revolute",
+              std::string("<origin rpy='0 0 ") + (turned ? "0" : "1.6") +
+                  "'/><axis xyz='0 0 1'/><limit lower='0' upper='.1'/>"));
     ASSERT_EQ(r.model.apart.size(), 3u);
     EXPECT_EQ(r.model.apart.back().reason, "Never") << limit;
     EXPECT_EQ(r.notes.size(), 1u);
-    EXPECT_NE(r.notes.back().find("only one place: a_b"), std::string::npos) << r.notes.back();
+    EXPECT_TRUE(holds(r.notes.back(), "only one place: a_b"));
     const std::string xml = text(r.model, "r.xml"), yaml = text(r.model, "r.yaml"),
                       usd = text(r.model, "r.usda");
     EXPECT_EQ(xml.find("\"a_b\""), std::string::npos) << xml;
     EXPECT_EQ(xml.find("<body name=\"b\" quat=") != std::string::npos, turned) << xml;
     EXPECT_EQ(yaml.find("\"a_b\""), std::string::npos) << yaml;
-    EXPECT_NE(usd.find("physics:lowerLimit = " + std::string(turned ? "91.67" : "0\n")), std::string::npos)
-        << usd;
+    EXPECT_TRUE(holds(usd, "physics:lowerLimit = " + std::string(turned ? "91.67" : "0\n")));
   }
 }
 
 // 40 pairs of parts around a body, each with a part of its own: no 32 families keep all neighbours apart.
 TEST_F(RobotTest, MoreMovingPartsThanFamiliesAreListedAsPairs) {
-  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
-  std::string inside = link("base", ball);
+  std::string inside = link("base", ball("0.1"));
   for (int k = 0; k < 40; k++) {
     const std::string a = "a" + std::to_string(k), b = "b" + std::to_string(k);
-    inside += link(a, ball) + link(b, ball) + joint("base", a) + joint(a, b);
+    inside += link(a, ball("0.1")) + link(b, ball("0.1")) + joint("base", a) + joint(a, b);
   }
-  const PaddedRobot r = pad_robot(urdf(inside), coarse());
+  const PaddedRobot r = coarse(inside);
   EXPECT_EQ(std::ranges::count_if(r.model.apart, [](const Apart& p) { return p.reason == "Adjacent"; }), 80);
   for (const Body& b : r.model.bodies) EXPECT_EQ(b.cluster.family, 0u);
   for (const char* file : {"r.xml", "r.srdf"}) {
     const std::string out = text(r.model, file);
-    EXPECT_NE(out.find("\"a39\""), std::string::npos) << file;
+    EXPECT_TRUE(holds(out, "\"a39\"")) << file;
   }
   EXPECT_THROW(check_filters(read_and_keep_apart(inside), find_format({}, "chrono")), Error);
 }
 
 // The oracle tests every sphere of one link against every sphere of another, in poses of its own.
 TEST_F(RobotTest, LinksThatNeverOrAlwaysTouchAreFound) {
-  const auto ball = [](const std::string& radius, const std::string& z) {
-    return "<collision><origin xyz='0 0 " + z + "'/><geometry><sphere radius='" + radius +
-           "'/></geometry></collision>";
-  };
   const std::string turn =
       "<origin xyz='0 0 1'/><axis xyz='0 1 0'/><limit lower='-3' upper='3' effort='1' velocity='1'/>";
-  const fs::path file = urdf(
-      link("base", ball("0.2", "0")) + link("upper", ball("0.2", "0.5")) + link("fore", ball("0.2", "0.9")) +
-      link("mount", "") + link("ring", ball("1.3", "0")) + link("far", ball("0.1", "0")) +
-      joint("base", "upper", "revolute", turn) + joint("upper", "fore", "revolute", turn) +
-      joint("base", "mount", "revolute", turn) + joint("mount", "ring", "revolute", turn) +
-      joint("base", "far", "prismatic", "<origin xyz='9 0 0'/><limit lower='0' upper='1'/>"));
-  const PaddedRobot r = pad_robot(file, coarse());
+  const fs::path file =
+      urdf(link("base", ball("0.2")) + link("upper", ball("0.2", "0 0 0.5")) +
+           link("fore", ball("0.2", "0 0 0.9")) + link("mount", "") + link("ring", ball("1.3")) +
+           link("far", ball("0.1")) + joint("base", "upper", "revolute", turn) +
+           joint("upper", "fore", "revolute", turn) + joint("base", "mount", "revolute", turn) +
+           joint("mount", "ring", "revolute", turn) +
+           joint("base", "far", "prismatic", "<origin xyz='9 0 0'/><limit lower='0' upper='1'/>"));
+  const PaddedRobot r = pad_robot(file, kCoarse);
   std::map<std::string, std::string> found;
   for (const Apart& p : r.model.apart)
     found[r.model.bodies[p.a].name + " " + r.model.bodies[p.b].name] = p.reason;
@@ -234,20 +223,18 @@ TEST_F(RobotTest, LinksThatNeverOrAlwaysTouchAreFound) {
                   .norm() < 0.4;
     }
   EXPECT_TRUE(seen);
-  const PaddedRobot none = pad_robot(file, coarse(), {.reading = {}, .max_spheres = 0, .poses = 0});
+  const PaddedRobot none = pad_robot(file, kCoarse, {.reading = {}, .max_spheres = 0, .poses = 0});
   for (const Apart& p : none.model.apart) EXPECT_TRUE(p.reason == "Adjacent" || p.reason == "Default");
 }
 
 // What no pose with such a joint at 0 shows is not said to happen never.
 TEST_F(RobotTest, JointsWithSeveralWaysToMoveLeavePairsUndecided) {
   for (const char* type : {"continuous", "spherical", "floating", "planar"}) {
-    const std::string ball =
-        "<collision><origin xyz='0 0 -0.5'/><geometry><sphere radius='0.2'/></geometry></collision>";
+    const std::string below = ball("0.2", "0 0 -0.5");
     const PaddedRobot r =
-        pad_robot(urdf(link("base", ball) + link("upper", ball) + link("fore", ball) +
-                       joint("base", "upper", type, "<origin xyz='0 0 1'/><axis xyz='0 1 0'/>") +
-                       joint("upper", "fore", "continuous", "<origin xyz='0 0 1'/><axis xyz='0 0 1'/>")),
-                  coarse());
+        coarse(link("base", below) + link("upper", below) + link("fore", below) +
+               joint("base", "upper", type, "<origin xyz='0 0 1'/><axis xyz='0 1 0'/>") +
+               joint("upper", "fore", "continuous", "<origin xyz='0 0 1'/><axis xyz='0 0 1'/>"));
     const bool never = std::ranges::any_of(r.model.apart, [](const Apart& p) { return p.reason == "Never"; });
     EXPECT_EQ(never, std::string(type) == "continuous") << type;
   }
@@ -264,9 +251,7 @@ TEST_F(RobotTest, PosesFollowJointsAndMimics) {
 }
 
 TEST_F(RobotTest, ACapsuleIsACylinderWithRoundEnds) {
-  const PaddedRobot r = pad_robot(
-      urdf(link("a", "<collision><geometry><capsule radius='0.1' length='0.5'/></geometry></collision>")),
-      coarse());
+  const PaddedRobot r = coarse(link("a", shape("<capsule radius='0.1' length='0.5'/>")));
   const Cluster& c = r.model.bodies[0].cluster;
   EXPECT_NEAR(c.mass.volume, std::numbers::pi * (0.005 + 4 / 3. * 0.001), 2e-4);
   EXPECT_NEAR(c.bounds.high.z(), 0.35, 1e-9);
@@ -275,24 +260,22 @@ TEST_F(RobotTest, ACapsuleIsACylinderWithRoundEnds) {
 }
 
 TEST_F(RobotTest, PackagesAreFoundByTheirNames) {
-  const auto mesh = [&](const std::string& folder) {
+  const auto meshes = [&](const std::string& folder) {
     fs::create_directories(folder_ / folder / "meshes");
-    write_file(folder_ / folder / "meshes/tet.obj",
-               "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+    write_file(folder_ / folder / "meshes/tet.obj", kTet);
   };
   const auto package = [&](const std::string& folder, const std::string& name) {
-    mesh(folder);
+    meshes(folder);
     write_file(folder_ / folder / "package.xml", "<package format='3'><name>" + name + "</name></package>");
   };
   const auto found = [&](const std::string& name, RobotReadOptions options = {}) {
-    const std::string shape = "<collision><geometry><mesh filename='package://" + name +
-                              "/meshes/tet.obj'/></geometry></collision>";
-    return fs::relative(
-        read_urdf(urdf(link("a", shape), "ws/robot/urdf/r.urdf"), options).links[0].shapes[0].file, folder_);
+    const fs::path file =
+        urdf(link("a", shape(mesh("package://" + name + "/meshes/tet.obj"))), "ws/robot/urdf/r.urdf");
+    return fs::relative(read_urdf(file, options).links[0].shapes[0].file, folder_);
   };
   package("ws/robot", "robot_description");  // its own package, whose folder has another name
   package("ws/arm-1.2", "arm_description");  // one beside it
-  mesh("install/share/tool_description");    // of ROS 2
+  meshes("install/share/tool_description");  // of ROS 2
   package("else/gripper-main", "gripper");
   package("ws/robot/urdf/parts-2", "parts");  // beside the URDF, and beside its folder
   package("ws/robot/tools", "tools_description");
@@ -311,7 +294,7 @@ TEST_F(RobotTest, PackagesAreFoundByTheirNames) {
   EXPECT_EQ(found("gripper", {.package_folders = {folder_ / "else"}, .visual = false}),
             "else/gripper-main/meshes/tet.obj");
   package("deep/ws/src/repository/hand-1", "hand");
-  mesh("deep/ws/src/foot");
+  meshes("deep/ws/src/foot");
   package("deep/other/inner", "inner");
   package("deep/other", "other");
   const RobotReadOptions deep{.package_folders = {folder_ / "deep"}};
@@ -324,8 +307,8 @@ TEST_F(RobotTest, AMeshIsFoundHoweverItIsWritten) {
   fs::create_directories(folder_ / "pkg/meshes");
   write_file(folder_ / "pkg/meshes/Tet.obj", "v 0 0 0\n");
   const auto read = [&](const std::string& name) {
-    const std::string mesh = "<collision><geometry><mesh filename='" + name + "'/></geometry></collision>";
-    return fs::relative(read_urdf(urdf(link("a", mesh))).links[0].shapes[0].file, folder_).lexically_normal();
+    const RobotTree u = read_urdf(urdf(link("a", shape(mesh(name)))));
+    return fs::relative(u.links[0].shapes[0].file, folder_).lexically_normal();
   };
   const std::string absolute = (folder_ / "pkg/meshes/Tet.obj").string();
   for (const std::string& name :
@@ -341,10 +324,10 @@ TEST_F(RobotTest, AMeshIsFoundHoweverItIsWritten) {
 
 // One tolerance for all links, found for a number of spheres; and the same spheres for any number of threads.
 TEST_F(RobotTest, ANumberOfSpheresForTheWholeRobot) {
-  const fs::path file =
-      urdf(link("a") + link("b", "<collision><geometry><box size='0.1 0.1 0.1'/></geometry></collision>") +
-           link("c") + joint("a", "b") + joint("b", "c"));
-  const PaddedRobot r = pad_robot(file, {}, {.reading = {}, .max_spheres = 60, .poses = 0});
+  const fs::path file = urdf(link("a") + link("b", shape("<box size='0.1 0.1 0.1'/>")) + link("c") +
+                             joint("a", "b") + joint("b", "c"));
+  const auto padded = [&] { return pad_robot(file, {}, {.reading = {}, .max_spheres = 60, .poses = 0}); };
+  const PaddedRobot r = padded();
   EXPECT_LE(r.model.spheres(), 60u);
   EXPECT_GE(r.model.spheres(), 40u);
   for (const Body& b : r.model.bodies) {
@@ -352,22 +335,16 @@ TEST_F(RobotTest, ANumberOfSpheresForTheWholeRobot) {
     EXPECT_LE(b.cluster.accuracy.protrusion_max, r.tolerance * (1 + 1e-9));
   }
   EXPECT_LT(r.model.bodies[1].cluster.size(), r.model.bodies[0].cluster.size());
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(5);
-  const PaddedRobot again = pad_robot(file, {}, {.reading = {}, .max_spheres = 60, .poses = 0});
-  omp_set_num_threads(threads);
+  const PaddedRobot again = with_threads(5, padded);
   for (std::size_t k = 0; k < 3; k++)
     EXPECT_EQ(to_json(again.model.bodies[k].cluster), to_json(r.model.bodies[k].cluster));
   EXPECT_THROW(pad_robot(file, {}, {.reading = {}, .max_spheres = 2, .poses = 0}), Error);
 }
 
 TEST_F(RobotTest, ASphereInsideABoxIsNoCavityOfIt) {
-  const std::string ball =
-      "<collision><origin xyz='0 0.05 0.1'/><geometry><sphere radius='0.08'/></geometry></collision>";
-  PadOptions options{.effort = 0};
-  options.tolerance = Length::share(0.05);
   const PaddedRobot r =
-      pad_robot(urdf(link("a") + link("b", kBox + ball) + joint("a", "b")), options, {.poses = 0});
+      pad_robot(urdf(link("a") + link("b", kBox + ball("0.08", "0 0.05 0.1")) + joint("a", "b")),
+                {.tolerance = Length::share(0.05), .effort = 0}, {.poses = 0});
   const Cluster &box = r.model.bodies[0].cluster, &both = r.model.bodies[1].cluster;
   EXPECT_NEAR(both.mass.volume, 0.2 * 0.4 * 0.6, 1e-12);
   EXPECT_NEAR(both.volume_union, box.volume_union, 0.01 * box.volume_union);
@@ -394,12 +371,9 @@ TEST_F(RobotTest, AShapeInsideAMeshIsNoCavityOfIt) {
   fs::create_directories(folder_ / "pkg/urdf");
   write_file(folder_ / "pkg/urdf/box.obj", box(0.5, false));
   write_file(folder_ / "pkg/urdf/room.obj", box(0.5, false) + box(0.4, true));
-  const auto volume = [&](const std::string& mesh, const std::string& inside) {
-    PadOptions options{.effort = 0};
-    options.tolerance = Length::share(0.05);
-    const std::string outer = "<collision><geometry><mesh filename='" + mesh + "'/></geometry></collision>";
-    return pad_robot(urdf(link("a", outer + "<collision><geometry>" + inside + "</geometry></collision>")),
-                     options, {.poses = 0})
+  const auto volume = [&](const std::string& outer, const std::string& inside) {
+    const fs::path file = urdf(link("a", shape(mesh(outer)) + shape(inside)));
+    return pad_robot(file, {.tolerance = Length::share(0.05), .effort = 0}, {.poses = 0})
         .model.bodies[0]
         .cluster.mass.volume;
   };
@@ -410,16 +384,16 @@ TEST_F(RobotTest, AShapeInsideAMeshIsNoCavityOfIt) {
 
 TEST_F(RobotTest, WhatAnInertialLacksFollowsFromTheShape) {
   for (const std::string inside : {"<density value='3'/>", "<inertia ixx='1' iyy='1' izz='1'/>"}) {
-    const PaddedRobot r = pad_robot(urdf(link("a", "<inertial>" + inside + "</inertial>" + kBox)), coarse());
+    const PaddedRobot r = coarse(link("a", "<inertial>" + inside + "</inertial>" + kBox));
     EXPECT_FALSE(r.model.bodies[0].inertial) << inside;
     ASSERT_EQ(r.notes.size(), 1u);
-    EXPECT_NE(r.notes[0].find("lacks <mass>"), std::string::npos);
+    EXPECT_TRUE(holds(r.notes[0], "lacks <mass>"));
     EXPECT_TRUE(read_urdf(write(r.model, "o.urdf")).model.bodies[0].inertial) << inside;
   }
   for (const std::string inside : {"<mass value='2'/>", "<mass value='2'/><inertia ixx='1'/>"}) {
-    const PaddedRobot r = pad_robot(urdf(link("a", "<inertial>" + inside + "</inertial>" + kBox)), coarse());
+    const PaddedRobot r = coarse(link("a", "<inertial>" + inside + "</inertial>" + kBox));
     ASSERT_EQ(r.notes.size(), 1u);
-    EXPECT_NE(r.notes[0].find("lacks the moments"), std::string::npos);
+    EXPECT_TRUE(holds(r.notes[0], "lacks the moments"));
     const MassProperties& solid = r.model.bodies[0].cluster.mass;
     for (const auto& i :
          {r.model.bodies[0].inertial, read_urdf(write(r.model, "o.urdf")).model.bodies[0].inertial}) {
@@ -438,11 +412,9 @@ TEST_F(RobotTest, WhatAnInertialLacksFollowsFromTheShape) {
 
 // What a link has does not depend on whether another one has it, too.
 TEST_F(RobotTest, LinksWithTheSameShapesGetTheSameSpheres) {
-  const std::string seven =
-      "<inertial><mass value='7'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
-  const PaddedRobot one = pad_robot(urdf(link("b")), coarse());
-  const PaddedRobot r = pad_robot(
-      urdf(link("a") + link("b", seven + kBox) + link("c") + joint("a", "b") + joint("b", "c")), coarse());
+  const PaddedRobot one = coarse(link("b"));
+  const PaddedRobot r =
+      coarse(link("a") + link("b", kSeven + kBox) + link("c") + joint("a", "b") + joint("b", "c"));
   for (const Body& b : r.model.bodies) {
     expect_same_spheres(b.cluster, one.model.bodies[0].cluster);
     EXPECT_EQ(b.cluster.source.file, "r.urdf, link " + b.name);
@@ -454,26 +426,22 @@ TEST_F(RobotTest, LinksWithTheSameShapesGetTheSameSpheres) {
 }
 
 TEST_F(RobotTest, SpheresOfNoRadiusAreLeftOut) {
-  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
-  const std::string point = "<collision><geometry><sphere radius='0.0'/></geometry></collision>";
   const PaddedRobot r =
-      pad_robot(urdf(link("a", point + ball) + link("b", point) + joint("a", "b")), coarse());
+      coarse(link("a", ball("0.0") + ball("0.1")) + link("b", ball("0.0")) + joint("a", "b"));
   EXPECT_EQ(r.model.spheres(), 1u);
   EXPECT_EQ(r.notes.size(), 3u);
-  EXPECT_THROW(
-      read_urdf(urdf(link("a", "<collision><geometry><sphere radius='-1'/></geometry></collision>"))), Error);
+  EXPECT_THROW(read_urdf(urdf(link("a", ball("-1")))), Error);
 }
 
 TEST_F(RobotTest, SpheresStayAndAreNotMeasured) {
-  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
   const std::string seen = "<visual><geometry><box size='1 1 1'/></geometry></visual>";
-  const PaddedRobot r = pad_robot(urdf(link("a", ball + seen)), coarse());
+  const PaddedRobot r = coarse(link("a", ball("0.1") + seen));
   EXPECT_EQ(r.kept[0], 1);
   EXPECT_EQ(r.model.spheres(), 1u);
   ASSERT_EQ(r.notes.size(), 1u);
-  EXPECT_NE(r.notes[0].find("not measured"), std::string::npos);
-  const PaddedRobot again =
-      pad_robot(urdf(link("a", ball + seen)), coarse(), {.reading = {.package_folders = {}, .visual = true}});
+  EXPECT_TRUE(holds(r.notes[0], "not measured"));
+  const PaddedRobot again = pad_robot(urdf(link("a", ball("0.1") + seen)), kCoarse,
+                                      {.reading = {.package_folders = {}, .visual = true}});
   EXPECT_EQ(again.kept[0], 0);
   EXPECT_NEAR(again.model.bodies[0].cluster.mass.volume, 1, 1e-6);
 }
@@ -524,7 +492,7 @@ TEST_F(RobotTest, MimicEffortDampingAndFriction) {
   EXPECT_TRUE(u.notes.empty());
   const auto notes = read_urdf(urdf(ab + joint("a", "c", "prismatic", "<limit lower='3' upper='2'/>"))).notes;
   ASSERT_EQ(notes.size(), 1u);
-  EXPECT_NE(notes[0].find("are taken to have no limits: a_c"), std::string::npos) << notes[0];
+  EXPECT_TRUE(holds(notes[0], "are taken to have no limits: a_c"));
 }
 
 TEST_F(RobotTest, WhatIsWrongIsNamed) {
@@ -532,20 +500,17 @@ TEST_F(RobotTest, WhatIsWrongIsNamed) {
     EXPECT_TRUE(refuses([&] { read_urdf(urdf(elements)); }, words)) << words;
   };
   faulty(link("a") + joint("world", "a"), "its parent \"world\" is not a link");
-  faulty(link("a", "<collision><origin rpy='1 1 1 1'/><geometry><sphere radius='1'/></geometry></collision>"),
+  faulty(link("a", shape("<sphere radius='1'/>", "<origin rpy='1 1 1 1'/>")),
          "rpy wants three numbers, not \"1 1 1 1\"");
   faulty(link("a", "<collision><origin rpy='0 0 0' quat_xyzw='0 0 0 1'/></collision>"), "leave one out");
   faulty(link("a", "<collision><origin quat_xyzw='0 0 0 0'/></collision>"), "quat_xyzw wants four numbers");
   faulty(link("a", "<collision><origin rpy='${pi} 0 0'/></collision>"), "with the program xacro first");
   faulty(link("a") + "<xacro:gripper parent='a'/>", "it holds <xacro:gripper>");
-  faulty(link("a", "<collision><geometry><sphere/></geometry></collision>"),
-         "a number is wanted as its radius");
-  faulty(link("a", "<collision><geometry><drake:capsule/></geometry></collision>"), "but <drake:capsule>");
-  faulty(link("a", "<collision><geometry><sphere radius='x'/></geometry></collision>"),
-         "radius wants a number, not \"x\"");
+  faulty(link("a", shape("<sphere/>")), "a number is wanted as its radius");
+  faulty(link("a", shape("<drake:capsule/>")), "but <drake:capsule>");
+  faulty(link("a", ball("x")), "radius wants a number, not \"x\"");
   const RobotTree u = read_urdf(
-      urdf(link("a", "<inertial><mass value='1'/><inertia ixx='1' iyy='2' izz='3'/></inertial>" +
-                         std::string("<collision><geometry><sphere radius='1'/></geometry></collision>")) +
+      urdf(link("a", "<inertial><mass value='1'/><inertia ixx='1' iyy='2' izz='3'/></inertial>" + ball("1")) +
            link("b", "<visual><geometry><sphere radius='1'/></geometry></visual>") + joint("a", "b")));
   EXPECT_EQ(u.model.bodies[0].inertial->inertia, Vector(1, 2, 3).asDiagonal().toDenseMatrix());
   ASSERT_EQ(u.notes.size(), 1u);
@@ -568,17 +533,14 @@ TEST_F(RobotTest, JointsWithoutAxisOrLeaderAreReadWithANote) {
 
 TEST_F(RobotTest, AQuaternionTurnsAsRollPitchAndYaw) {
   const RobotTree u =
-      read_urdf(urdf(link("a") +
-                     link("b",
-                          "<collision><origin quat_xyzw='0 0 2 2'/><geometry><box size='1 2 3'/>"
-                          "</geometry></collision>") +
+      read_urdf(urdf(link("a") + link("b", shape("<box size='1 2 3'/>", "<origin quat_xyzw='0 0 2 2'/>")) +
                      joint("a", "b", "fixed", "<origin xyz='1 0 0' quat_xyzw='1 0 0 0'/>")));
   EXPECT_NEAR((u.links[1].shapes[0].pose.linear() * Vector::UnitX() - Vector::UnitY()).norm(), 0, 1e-15);
   EXPECT_NEAR((u.model.bodies[1].pose * Point(0, 1, 0) - Point(1, -1, 0)).norm(), 0, 1e-15);
 }
 
 TEST_F(RobotTest, ARobotWithoutGeometryIsToldSo) {
-  const std::string said = error_of([&] { pad_robot(urdf("<link name='a'/>"), coarse(), {}, {}); });
+  const std::string said = error_of([&] { pad_robot(urdf("<link name='a'/>"), kCoarse, {}, {}); });
   EXPECT_TRUE(said.ends_with("no link has any geometry")) << said;
   const std::string ball = "<geometry><sphere radius='1'/></geometry></visual>";
   const fs::path points =
@@ -592,30 +554,17 @@ TEST_F(RobotTest, ARobotWithoutGeometryIsToldSo) {
 
 TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {
   fs::create_directories(folder_ / "pkg/meshes");
-  write_file(folder_ / "pkg/meshes/tet.obj",
-             "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
-  const PaddedRobot r = pad_robot(
-      urdf(link("base",
-                "<visual><geometry><mesh filename='package://pkg/meshes/absent.dae'/></geometry></visual>" +
-                    kBox) +
-           link("ball",
-                "<inertial><mass value='7'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' "
-                "izz='1'/></inertial><collision>"
-                "<origin xyz='1 0 0'/><geometry><sphere radius='0.25'/></geometry></collision>") +
-           link("tube",
-                "<collision><origin rpy='1.5707963267948966 0 0'/><geometry><cylinder radius='0.1' "
-                "length='1'/></geometry></collision>") +
-           link("tet",
-                "<collision><origin xyz='0 0 5'/><geometry><mesh filename='package://pkg/meshes/tet.obj' "
-                "scale='1 1 -2'/></geometry></collision>") +
-           link("frame", "") + joint("base", "ball") + joint("base", "tube") + joint("tube", "tet") +
-           joint("tet", "frame")),
-      coarse());
-  const auto body = [&](const std::string& name) -> const Body& {
-    for (const Body& b : r.model.bodies)
-      if (b.name == name) return b;
-    throw Error("no body " + name);
-  };
+  write_file(folder_ / "pkg/meshes/tet.obj", kTet);
+  const PaddedRobot r = coarse(
+      link(
+          "base",
+          "<visual><geometry><mesh filename='package://pkg/meshes/absent.dae'/></geometry></visual>" + kBox) +
+      link("ball", kSeven + ball("0.25", "1 0 0")) +
+      link("tube", shape("<cylinder radius='0.1' length='1'/>", "<origin rpy='1.5707963267948966 0 0'/>")) +
+      link("tet", shape(mesh("package://pkg/meshes/tet.obj", " scale='1 1 -2'"), "<origin xyz='0 0 5'/>")) +
+      link("frame", "") + joint("base", "ball") + joint("base", "tube") + joint("tube", "tet") +
+      joint("tet", "frame"));
+  const auto body = [&](const std::string& name) { return body_of(r.model, name); };
   EXPECT_NEAR(body("base").cluster.mass.volume, 0.048, 1e-6);
   EXPECT_EQ(body("ball").cluster.centers, std::vector<Point>{Point(1, 0, 0)});
   EXPECT_EQ(body("ball").cluster.radii, std::vector<double>{0.25});
@@ -628,9 +577,9 @@ TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {
   EXPECT_EQ(body("frame").cluster.size(), 0u);
   // The URDF keeps what it had. Only collisions are new, and inertia where there was none.
   const std::string out = text(r.model, "out.urdf");
-  EXPECT_NE(out.find("package://pkg/meshes/absent.dae"), std::string::npos);
+  EXPECT_TRUE(holds(out, "package://pkg/meshes/absent.dae"));
   EXPECT_EQ(out.find("<box"), std::string::npos);
-  EXPECT_NE(out.find("<mass value=\"7\""), std::string::npos);
+  EXPECT_TRUE(holds(out, "<mass value=\"7\""));
   std::size_t masses = 0;
   for (std::size_t at = 0; (at = out.find("<mass ", at)) != std::string::npos; at++) masses++;
   EXPECT_EQ(masses, 4u);
@@ -638,17 +587,15 @@ TEST_F(RobotTest, PadsBoxesCylindersSpheresAndMeshesInPlace) {
 }
 
 TEST_F(RobotTest, AnErrorNamesItsLinkOnce) {
-  const std::string thin =
-      "<collision><geometry><cylinder radius='1e-200' length='1'/></geometry></collision>";
+  const std::string thin = shape("<cylinder radius='1e-200' length='1'/>");
   const fs::path path = urdf(link("a", thin));
-  const std::string said = error_of([&] { pad_robot(path, coarse(), {}, {}); });
+  const std::string said = error_of([&] { pad_robot(path, kCoarse, {}, {}); });
   EXPECT_EQ(said.rfind("link a"), said.find("link a")) << said;
   EXPECT_EQ(said.find(path.string() + ", link a: no triangle has an area"), 0u) << said;
 }
 
 TEST_F(RobotTest, VisualsAreTakenWhenThereIsNothingElse) {
-  const PaddedRobot r =
-      pad_robot(urdf(link("a", "<visual><geometry><box size='1 1 1'/></geometry></visual>")), coarse());
+  const PaddedRobot r = coarse(link("a", "<visual><geometry><box size='1 1 1'/></geometry></visual>"));
   EXPECT_GT(r.model.spheres(), 0u);
   ASSERT_EQ(r.notes.size(), 1u);
 }
@@ -658,10 +605,8 @@ TEST_F(RobotTest, ColladaOfTheUr5StandsLikeItsStl) {
   if (!fs::exists(robots)) GTEST_SKIP() << "the shared meshes are not there";
   fs::copy(robots / "ur5_forearm_collision.stl", folder_ / "a.stl");
   fs::copy(robots / "ur5_forearm_visual.dae", folder_ / "b.dae");
-  const auto mesh = [](const std::string& file) {
-    return "<collision><geometry><mesh filename='" + file + "'/></geometry></collision>";
-  };
-  const fs::path file = urdf(link("a", mesh("a.stl")) + link("b", mesh("b.dae")) + joint("a", "b"), "r.urdf");
+  const fs::path file =
+      urdf(link("a", shape(mesh("a.stl"))) + link("b", shape(mesh("b.dae"))) + joint("a", "b"), "r.urdf");
   const RobotTree robot = read_urdf(file);
   const Box a = read_link(robot.links[0], file).mesh.bounds(),
             b = read_link(robot.links[1], file).mesh.bounds();
@@ -673,8 +618,7 @@ TEST_F(RobotTest, ColladaOfTheUr5StandsLikeItsStl) {
 class RealRobotTest : public RobotTest {
  protected:
   void expect_accepted(const PaddedRobot& r) {
-    std::vector<CollisionFilter> filters;
-    for (const Body& b : r.model.bodies) filters.push_back({b.cluster.family, b.cluster.mask});
+    const std::vector<CollisionFilter> filters = exporting::filters_of(r.model);
     for (const Body& b : r.model.bodies) {
       if (b.cluster.size() == 0) continue;
       const Accuracy& a = b.cluster.accuracy;
@@ -705,26 +649,18 @@ class RealRobotTest : public RobotTest {
     std::string xml = read_file(folder_ / "r.xml");
     xml.insert(xml.find("  <default>"), "  <size nconmax=\"5000\" njmax=\"3000\"/>\n");
     write_file(folder_ / "r.xml", xml);
-    char error[1000] = "";
-    mjModel* m = mj_loadXML((folder_ / "r.xml").c_str(), nullptr, error, sizeof error);
-    ASSERT_NE(m, nullptr) << error;
+    const InMujoco m(folder_ / "r.xml");
+    mjData* d = m.data;
     EXPECT_EQ(static_cast<std::size_t>(m->ngeom), r.model.spheres());
-    mjData* d = mj_makeData(m);
     for (int k = 0; k < m->nq; k++) d->qpos[k] = 0.5 * (m->jnt_range[2 * k] + m->jnt_range[2 * k + 1]);
-    mj_forward(m, d);
+    mj_forward(m.model, d);
     for (int k = 0; k < d->ncon; k++) {
       const auto a = static_cast<std::size_t>(m->geom_bodyid[d->contact[k].geom1] - 1);
       const auto b = static_cast<std::size_t>(m->geom_bodyid[d->contact[k].geom2] - 1);
       EXPECT_TRUE(may_touch(filters[a], filters[b]))
           << r.model.bodies[a].name << " " << r.model.bodies[b].name;
     }
-    mj_deleteData(d), mj_deleteModel(m);
 #endif
-  }
-  static PadOptions two_percent() {
-    PadOptions o;
-    o.tolerance = Length::share(0.02);
-    return o;
   }
 };
 
@@ -732,7 +668,7 @@ TEST_F(RealRobotTest, Panda) {
   const fs::path panda =
       fs::path(PADDER_SHARED) / "meshes/robots/moveit_resources_panda_description/urdf/panda.urdf";
   if (!fs::exists(panda)) GTEST_SKIP() << "the shared meshes are not there";
-  const PaddedRobot r = pad_robot(panda, two_percent());
+  const PaddedRobot r = pad_robot(panda, {.tolerance = Length::share(0.02)});
   EXPECT_EQ(r.model.bodies.size(), 12u);
   std::size_t padded = 0;
   for (const Body& b : r.model.bodies) padded += b.cluster.size() > 0;

@@ -150,15 +150,9 @@ class ShapeMeshTest : public ExportTest {
     return p;
   }
 
-  static PadOptions within(double tolerance) {
-    PadOptions o;
-    o.tolerance = Length::of(tolerance);
-    return o;
-  }
+  static PadOptions within(double tolerance) { return {.tolerance = Length::of(tolerance)}; }
   static PadOptions each(double protrusion, double gap) {
-    PadOptions o;
-    o.protrusion = Length::of(protrusion), o.gap = Length::of(gap);
-    return o;
+    return {.protrusion = Length::of(protrusion), .gap = Length::of(gap)};
   }
 
   static constexpr double kRounding = 1e-9;
@@ -174,9 +168,7 @@ TEST_F(ShapeMeshTest, AToleranceHoldsForTheBodyOfTheFile) {
 }
 
 TEST_F(ShapeMeshTest, BoundsWithoutAToleranceHoldForTheBodyOfTheFile) {
-  PadOptions by_depth, count;
-  by_depth.edge_length = Length::share(0.08);
-  count.max_spheres = 40;
+  const PadOptions by_depth{.edge_length = Length::share(0.08)}, count{.max_spheres = 40};
   expect_true(kCylinder, cylinder(0.5, 2), by_depth);
   expect_true(kCapsule, capsule(0.2, 1), by_depth);
   expect_true(kEllipsoid, ellipsoid({1, 0.6, 0.4}), by_depth);
@@ -184,17 +176,16 @@ TEST_F(ShapeMeshTest, BoundsWithoutAToleranceHoldForTheBodyOfTheFile) {
 }
 
 TEST_F(ShapeMeshTest, EveryLevelOfDetailHoldsForTheBodyOfTheFile) {
-  PadOptions ladder, thinned, volume;
-  ladder.lod = {Length::of(0.04), Length::of(0.02)};
+  const PadOptions ladder{.lod = {Length::of(0.04), Length::of(0.02)}};
   const Cluster c = expect_true(kCylinder, cylinder(0.5, 2), ladder).cluster;
   ASSERT_EQ(c.lods.size(), 1u);
   Cluster coarse;
   coarse.centers = c.lods[0].centers, coarse.radii = c.lods[0].radii;
   EXPECT_LE(largest_protrusion(coarse, cylinder(0.5, 2)), c.lods[0].accuracy.protrusion_bound + kRounding);
   EXPECT_LE(largest_gap(coarse, cylinder(0.5, 2).surface), c.lods[0].accuracy.gap_bound + kRounding);
-  thinned.depth_ratio = 0.2, thinned.tolerance = Length::of(0.04);
+  const PadOptions thinned{.depth_ratio = 0.2, .tolerance = Length::of(0.04)};
   expect_true(kCylinder, cylinder(0.5, 2), thinned);
-  volume.tolerance = Length::of(0.02), volume.balance = Balance::volume;
+  const PadOptions volume{.tolerance = Length::of(0.02), .balance = Balance::volume};
   expect_true(kCylinder, cylinder(0.5, 2), volume);
 }
 

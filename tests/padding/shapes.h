@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Meshes with a closed form, for tests.
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -49,9 +50,8 @@ inline Mesh face_of_cube(int face, int n) {
 
 // Sphere of radius 1 around the origin: an octahedron whose triangles are split in four `levels` times.
 inline Mesh sphere(int levels) {
-  Mesh mesh;
-  mesh.points = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
-  mesh.triangles = {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}};
+  Mesh mesh{{{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
+            {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}}};
   for (int level = 0; level < levels; level++) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
     const auto middle = [&](std::uint32_t u, std::uint32_t v) {
@@ -117,21 +117,32 @@ inline Mesh strips(std::uint32_t n, double width, double height) {
   return mesh;
 }
 
-// Copies of a sheet side by side, from z = 0 up to just below the height.
-inline Mesh stack(const Mesh& sheet, int copies, double height) {
-  Mesh mesh;
-  for (int k = 0; k < copies; k++) {
-    Mesh copy = sheet;
-    for (Point& p : copy.points) p.z() += height * k / copies;
-    mesh.add(copy);
-  }
+// Every point p at where(p), which is a Point.
+template <class Where>
+Mesh mapped(Mesh mesh, const Where& where) {
+  for (Point& p : mesh.points) p = where(Point(p));
   return mesh;
+}
+inline Mesh moved(const Mesh& mesh, const Vector& by) {
+  return mapped(mesh, [&](const Point& p) -> Point { return p + by; });
+}
+inline Mesh moved(const Mesh& mesh, const Eigen::Matrix3d& turn, const Vector& by) {
+  return mapped(mesh, [&](const Point& p) -> Point { return turn * p + by; });
+}
+inline Mesh scaled(const Mesh& mesh, double by) {  // about the origin
+  return mapped(mesh, [&](const Point& p) -> Point { return by * p; });
 }
 
 // Moved and scaled: the middle of the bounding box at the origin, its diagonal 1.
-inline Mesh unit(Mesh mesh) {
+inline Mesh unit(const Mesh& mesh) {
   const Box box = mesh.bounds();
-  for (Point& p : mesh.points) p = (p - box.center()) / box.diagonal();
+  return mapped(mesh, [&](const Point& p) -> Point { return (p - box.center()) / box.diagonal(); });
+}
+
+// Copies of a sheet side by side, from z = 0 up to just below the height.
+inline Mesh stack(const Mesh& sheet, int copies, double height) {
+  Mesh mesh;
+  for (int k = 0; k < copies; k++) mesh.add(moved(sheet, {0, 0, height * k / copies}));
   return mesh;
 }
 
@@ -141,9 +152,40 @@ inline Mesh joined(Mesh mesh, const Mesh& more) {
   return mesh;
 }
 
+// Without the triangles for which all corners satisfy `gone`.
+template <class Gone>
+Mesh without(Mesh mesh, const Gone& gone) {
+  std::erase_if(mesh.triangles, [&](const auto& t) {
+    return std::all_of(t.begin(), t.end(), [&](auto v) { return gone(mesh.points[v]); });
+  });
+  return mesh;
+}
+
 inline Mesh turned_over(Mesh mesh) {
   for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
   return mesh;
+}
+
+// Two triangles in a plane across y, from `a` to `b` in x and z. They bound nothing.
+inline Mesh fin(const Point& a, const Point& b) {
+  return {{{a.x(), a.y(), a.z()}, {b.x(), a.y(), a.z()}, {b.x(), a.y(), b.z()}, {a.x(), a.y(), b.z()}},
+          {{0, 1, 2}, {0, 2, 3}}};
+}
+
+inline bool in_box(const Point& p, const Point& low, const Point& high) {
+  return (p.array() > low.array()).all() && (p.array() < high.array()).all();
+}
+
+// Has each directed edge exactly one partner in the other direction?
+inline bool closed_manifold(const Mesh& mesh) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
+  for (const auto& t : mesh.triangles)
+    for (int k = 0; k < 3; k++) edges[{t[k], t[(k + 1) % 3]}]++;
+  for (const auto& [edge, times] : edges)
+    if (const auto back = edges.find({edge.second, edge.first});
+        times != 1 || back == edges.end() || back->second != 1)
+      return false;
+  return true;
 }
 
 // The winding number of a closed surface, by brute force: the sum of the solid angles of its triangles seen

@@ -383,6 +383,8 @@ def test_a_device_array_that_does_not_describe_itself_is_told():
 
 def test_errors_are_pythons_own(tmp_path):
     for call in (padder.load, padder.pad_file):
+        with pytest.raises(FileNotFoundError):
+            call("")
         with pytest.raises(FileNotFoundError) as e:
             call(tmp_path / "absent.obj")
         assert e.value.filename == str(tmp_path / "absent.obj") and e.value.errno == 2

@@ -2,14 +2,11 @@
 // `bench compare` by the program: which times count, what is printed, and the exit code.
 #include <gtest/gtest.h>
 
-#include <nlohmann/json.hpp>
-
+#include "tests/error_of.h"
 #include "tests/tools/bench_program.h"
 
 namespace padder {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 Json scaling_row(const char* scene, double seconds) {
   return {{"scene", scene},
@@ -24,18 +21,15 @@ Json scaling_row(const char* scene, double seconds) {
           {"seconds_exact_points", seconds}};
 }
 
-Json scaling_document(double dense, double dilute) {
-  return {{"bench", "scaling"},
-          {"machine", "a processor"},
-          {"device", "a GPU"},
-          {"rows", {scaling_row("dense", dense), scaling_row("dilute", dilute)}}};
+Json document_of(double dense, double dilute) {
+  return scaling_document(scaling_row("dense", dense), scaling_row("dilute", dilute));
 }
 
 class BenchCompare : public BenchProgram {
  protected:
   void SetUp() override {
     BenchProgram::SetUp();
-    write("old.json", scaling_document(1e-3, 2e-3).dump());
+    write("old.json", document_of(1e-3, 2e-3).dump());
   }
   // Compares old.json with this document.
   Outcome compare(const Json& document, const std::string& options = "") const {
@@ -48,31 +42,27 @@ TEST_F(BenchCompare, ARunAsFastAsTheOldOnePasses) {
   const Outcome same = bench("compare old.json old.json");
   EXPECT_EQ(same.code, 0);
   EXPECT_EQ(same.err, "");
-  EXPECT_NE(
-      same.out.find("| dense cuda random 1000000  | seconds_fast         | 1.000    | 1.000    | 1.000"),
-      std::string::npos)
-      << same.out;
-  EXPECT_EQ(compare(scaling_document(1.02e-3, 1e-3)).code, 0) << "2 % slower, and faster";
+  EXPECT_TRUE(
+      holds(same.out, "| dense cuda random 1000000  | seconds_fast         | 1.000    | 1.000    | 1.000"));
+  EXPECT_EQ(compare(document_of(1.02e-3, 1e-3)).code, 0) << "2 % slower, and faster";
 }
 
 TEST_F(BenchCompare, OneTimeThatIsSlowerFails) {
-  Json slow = scaling_document(1e-3, 2e-3);
+  Json slow = document_of(1e-3, 2e-3);
   slow["rows"][1]["seconds_exact"] = 2.1e-3;
   const Outcome r = compare(slow);
   EXPECT_EQ(r.code, 1);
   EXPECT_EQ(r.err, "bench: 1 time is slower than the old by more than 3 %, at worst 1.050 times as long\n");
-  EXPECT_NE(
-      r.out.find(
-          "| dilute cuda random 1000000 | seconds_exact        | 2.000    | 2.100    | 1.050     | SLOWER |"),
-      std::string::npos)
-      << r.out;
+  EXPECT_TRUE(holds(
+      r.out,
+      "| dilute cuda random 1000000 | seconds_exact        | 2.000    | 2.100    | 1.050     | SLOWER |"));
   EXPECT_EQ(compare(slow, "--within 6%").code, 0);
   EXPECT_EQ(compare(slow, "--within 0.06").code, 0);
-  EXPECT_EQ(compare(scaling_document(1.0001e-3, 2e-3), "--within 0").code, 1);
+  EXPECT_EQ(compare(document_of(1.0001e-3, 2e-3), "--within 0").code, 1);
 }
 
 TEST_F(BenchCompare, JsonSaysTheSame) {
-  const Outcome r = compare(scaling_document(1.1e-3, 2e-3), "--json");
+  const Outcome r = compare(document_of(1.1e-3, 2e-3), "--json");
   EXPECT_EQ(r.code, 1);
   const Json j = Json::parse(r.out);
   EXPECT_EQ(j["passed"], false);
@@ -84,22 +74,21 @@ TEST_F(BenchCompare, JsonSaysTheSame) {
 }
 
 TEST_F(BenchCompare, RowsOfOneSideAreNamed) {
-  Json other = scaling_document(1e-3, 2e-3);
+  Json other = document_of(1e-3, 2e-3);
   other["rows"][1]["scene"] = "poly35";
   const Outcome r = compare(other);
   EXPECT_EQ(r.code, 0);
-  EXPECT_NE(r.out.find("| dilute cuda random 1000000 |                      |          |          |          "
-                       " | missing in NEW |"),
-            std::string::npos)
-      << r.out;
-  EXPECT_NE(r.out.find("missing in OLD"), std::string::npos) << r.out;
+  EXPECT_TRUE(holds(r.out,
+                    "| dilute cuda random 1000000 |                      |          |          |           | "
+                    "missing in NEW |"));
+  EXPECT_TRUE(holds(r.out, "missing in OLD"));
   other["rows"][0]["scene"] = "poly100";
   EXPECT_EQ(compare(other).err,
             "bench: old.json and new.json have no row in common: were they run with other options?\n");
 }
 
 TEST_F(BenchCompare, OtherContactsFail) {
-  Json other = scaling_document(1e-3, 2e-3);
+  Json other = document_of(1e-3, 2e-3);
   other["rows"][0]["hash"] = "1449";
   const Outcome r = compare(other);
   EXPECT_EQ(r.code, 1);
@@ -107,7 +96,7 @@ TEST_F(BenchCompare, OtherContactsFail) {
 }
 
 TEST_F(BenchCompare, AnotherMachineIsSaid) {
-  Json other = scaling_document(1e-3, 2e-3);
+  Json other = document_of(1e-3, 2e-3);
   other["device"] = "another GPU";
   const Outcome r = compare(other);
   EXPECT_EQ(r.code, 0);
@@ -121,7 +110,7 @@ TEST_F(BenchCompare, WhatABenchWritesIsCompared) {
       bench("stages --backend omp --spheres 1000 --repeat 1 --threads 1 -q -o own", "PATH=/nowhere").code, 0);
   const Outcome r = bench("compare own/stages.json own/stages.json");
   EXPECT_EQ(r.code, 0) << r.err;
-  EXPECT_NE(r.out.find("omp nine stages 1000"), std::string::npos) << r.out;
+  EXPECT_TRUE(holds(r.out, "omp nine stages 1000"));
   const std::string results = source_folder() + "/docs/results/";
   for (const std::string name : {"h200/scaling", "h200/stages", "frontier/frontier", "bullet/speedup"}) {
     const std::string file = "'" + results + name + ".json'";
@@ -131,22 +120,19 @@ TEST_F(BenchCompare, WhatABenchWritesIsCompared) {
 }
 
 TEST_F(BenchCompare, WhatCannotBeComparedEndsWithOneSentence) {
-  const auto changed = [&](const std::string& pointer, const Json& value) {
-    Json document = scaling_document(1e-3, 2e-3);
-    document[Json::json_pointer(pointer)] = value;
-    return document.dump();
-  };
+  const Json whole = document_of(1e-3, 2e-3);
   const std::pair<std::string, std::string> cases[] = {
       {"", "bad.json: not JSON at byte "},
       {"[]", "bad.json is not what a bench wrote"},
       {R"({"bench": "table2", "rows": []})", "bad.json is of the bench table2, and old.json of scaling"},
       {R"({"bench": "scaling"})", "bad.json: \"rows\" is not a list with rows in it"},
-      {changed("/rows/1", 3), "bad.json: rows[1] is not an object"},
-      {changed("/rows/1/scene", "dense"),
+      {changed(whole, "/rows/1", 3), "bad.json: rows[1] is not an object"},
+      {changed(whole, "/rows/1/scene", "dense"),
        "bad.json: rows[1]: an earlier row is of dense cuda random 1000000"},
-      {changed("/rows/0/seconds_fast", "x"), "bad.json: rows[0].seconds_fast is not a number of at least 0"},
-      {changed("/rows/0/seconds_fast", 0), "bad.json: rows[0]: seconds_fast is 0"},
-      {changed("/rows/0/random_order", 1), "bad.json: rows[0].random_order is not true or false"},
+      {changed(whole, "/rows/0/seconds_fast", "x"),
+       "bad.json: rows[0].seconds_fast is not a number of at least 0"},
+      {changed(whole, "/rows/0/seconds_fast", 0), "bad.json: rows[0]: seconds_fast is 0"},
+      {changed(whole, "/rows/0/random_order", 1), "bad.json: rows[0].random_order is not true or false"},
   };
   for (const auto& [bytes, sentence] : cases) {
     write("bad.json", bytes);
@@ -161,7 +147,7 @@ TEST_F(BenchCompare, WhatCannotBeComparedEndsWithOneSentence) {
   EXPECT_EQ(bench("compare old.json").code, 2);
   const Outcome usage = bench("compare old.json old.json --within fast");
   EXPECT_EQ(usage.code, 2);
-  EXPECT_NE(usage.err.find("as 3% or 0.03"), std::string::npos) << usage.err;
+  EXPECT_TRUE(holds(usage.err, "as 3% or 0.03"));
   EXPECT_EQ(bench("compare old.json old.json --within -1%").code, 2);
 }
 

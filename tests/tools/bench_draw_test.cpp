@@ -4,17 +4,16 @@
 #include <gtest/gtest.h>
 #include <cstdlib>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <set>
 
 #include "padding/asset/file.h"
+#include "tests/error_of.h"
 #include "tests/tools/bench_program.h"
 
 namespace padder {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 class BenchDraw : public BenchProgram {};
 
@@ -34,12 +33,7 @@ Json scaling_row(const char* scene, double contacts, const char* backend) {
           {"seconds_exact_fixed", 3e-9 * contacts}};
 }
 
-Json scaling_document() {
-  return {{"bench", "scaling"},
-          {"machine", "a processor"},
-          {"device", "a GPU"},
-          {"rows", {scaling_row("dense", 1e5, "cuda"), scaling_row("dense", 1e6, "cuda")}}};
-}
+const Json kDocument = scaling_document(scaling_row("dense", 1e5, "cuda"), scaling_row("dense", 1e6, "cuda"));
 
 Json frontier_row(const std::string& mesh, const char* method, double error, int spheres) {
   return {{"mesh", mesh},
@@ -73,21 +67,21 @@ TEST_F(BenchDraw, WhatABenchDrawsIsDrawnAgainTheSame) {
   EXPECT_EQ(read("own/bodies.json").find("dense"), std::string::npos);
   for (const char* words :
        {">dense<", ">dilute<", ">poly35<", ">poly100<", ">exact<", ">fast<", ">exact, fixed order<"})
-    EXPECT_NE(read("again/scaling.svg").find(words), std::string::npos) << words;
+    EXPECT_TRUE(holds(read("again/scaling.svg"), words)) << words;
   for (const char* words : {">stage 9<", ">total<", ">fast path<", ">1,000 spheres, ", ">3,000 spheres, "})
-    EXPECT_NE(read("again/stages.svg").find(words), std::string::npos) << words;
+    EXPECT_TRUE(holds(read("again/stages.svg"), words)) << words;
 }
 
 TEST_F(BenchDraw, BesideTheFileWhereNoFolderIsNamed) {
   NEEDS_GNUPLOT();
   fs::create_directory(folder_ / "deep");
-  write("deep/of today.json", scaling_document().dump());
+  write("deep/of today.json", kDocument.dump());
   const Outcome r = bench("draw 'deep/of today.json'");
   ASSERT_EQ(r.code, 0) << r.err;
-  EXPECT_NE(r.out.find("deep/of today.svg"), std::string::npos) << r.out;
+  EXPECT_TRUE(holds(r.out, "deep/of today.svg"));
   EXPECT_EQ(files(), (std::set<std::string>{"deep/of today.json", "deep/of today.svg"}));
   // Another figure, another picture.
-  Json faster = scaling_document();
+  Json faster = kDocument;
   faster["rows"][1]["seconds_exact_fixed"] = 1e-3;
   write("deep/faster.json", faster.dump());
   ASSERT_EQ(bench("draw deep/faster.json").code, 0);
@@ -97,7 +91,7 @@ TEST_F(BenchDraw, BesideTheFileWhereNoFolderIsNamed) {
 // A line goes from left to right and a scene has one colour, whatever the order of the rows.
 TEST_F(BenchDraw, RowsInAnyOrder) {
   NEEDS_GNUPLOT();
-  Json one = scaling_document(), other = one;
+  Json one = kDocument, other = one;
   std::swap(other["rows"][0], other["rows"][1]);
   write("one.json", one.dump()), write("other.json", other.dump());
   ASSERT_EQ(bench("draw one.json other.json").code, 0);
@@ -107,7 +101,7 @@ TEST_F(BenchDraw, RowsInAnyOrder) {
   write("one.json", one.dump());
   ASSERT_EQ(bench("draw one.json").code, 0);
   for (const char* words : {">dense, CPU<", ">dense, GPU<", ">a GPU, a processor<"})
-    EXPECT_NE(read("one.svg").find(words), std::string::npos) << words;
+    EXPECT_TRUE(holds(read("one.svg"), words)) << words;
 }
 
 TEST_F(BenchDraw, SpeedupAndFrontier) {
@@ -132,20 +126,15 @@ TEST_F(BenchDraw, SpeedupAndFrontier) {
                                             "plots/frontier_spot.svg",
                                             "plots/frontier_it's_.._a__$(touch gone).svg"}));
   for (const char* words : {">CPU<", ">GPU, from and to host memory<", ">the paper, at most<"})
-    EXPECT_NE(read("plots/speedup.svg").find(words), std::string::npos) << words;
+    EXPECT_TRUE(holds(read("plots/speedup.svg"), words)) << words;
   for (const char* words :
        {">spot<", ">--tolerance<", ">--depth 0.2, refitted<", ">fixed depth 0.2 (paper)<"})
-    EXPECT_NE(read("plots/frontier_spot.svg").find(words), std::string::npos) << words;
+    EXPECT_TRUE(holds(read("plots/frontier_spot.svg"), words)) << words;
 }
 
 TEST_F(BenchDraw, WhatIsDamagedEndsWithOneSentenceAndNoPicture) {
-  const std::string whole = scaling_document().dump();
-  const auto changed = [&](const std::string& pointer, const Json& value) {
-    Json document = scaling_document();
-    document[Json::json_pointer(pointer)] = value;
-    return document.dump();
-  };
-  Json less = scaling_document();
+  const std::string whole = kDocument.dump();
+  Json less = kDocument;
   less["rows"][1].erase("contacts");
   const std::pair<std::string, std::string> cases[] = {
       {whole.substr(0, whole.size() / 2), "bad.json: not JSON at byte "},
@@ -155,16 +144,18 @@ TEST_F(BenchDraw, WhatIsDamagedEndsWithOneSentenceAndNoPicture) {
       {R"({"bench": 3})", "bad.json is not what a bench wrote"},
       {R"({"bench": "table2", "rows": []})", "bad.json: this bench has no plot"},
       {R"({"bench": "scaling"})", "bad.json: \"rows\" is not a list with rows in it"},
-      {changed("/rows", Json::array()), "bad.json: \"rows\" is not a list with rows in it"},
-      {changed("/rows/1", 3), "bad.json: rows[1] is not an object"},
-      {changed("/rows/0/scene", 3), "bad.json: rows[0].scene is not a text"},
-      {changed("/rows/0/random_order", 1), "bad.json: rows[0].random_order is not true or false"},
-      {changed("/rows/1/seconds_fast", nullptr),
+      {changed(kDocument, "/rows", Json::array()), "bad.json: \"rows\" is not a list with rows in it"},
+      {changed(kDocument, "/rows/1", 3), "bad.json: rows[1] is not an object"},
+      {changed(kDocument, "/rows/0/scene", 3), "bad.json: rows[0].scene is not a text"},
+      {changed(kDocument, "/rows/0/random_order", 1), "bad.json: rows[0].random_order is not true or false"},
+      {changed(kDocument, "/rows/1/seconds_fast", nullptr),
        "bad.json: rows[1].seconds_fast is not a number of at least 0"},
-      {changed("/rows/1/seconds_exact", -1), "bad.json: rows[1].seconds_exact is not a number of at least 0"},
-      {changed("/rows/1/contacts", "many"), "bad.json: rows[1].contacts is not a number of at least 0"},
+      {changed(kDocument, "/rows/1/seconds_exact", -1),
+       "bad.json: rows[1].seconds_exact is not a number of at least 0"},
+      {changed(kDocument, "/rows/1/contacts", "many"),
+       "bad.json: rows[1].contacts is not a number of at least 0"},
       {less.dump(), "bad.json: rows[1].contacts is not a number of at least 0"},
-      {changed("/device", nullptr), "bad.json: document.device is not a text"},
+      {changed(kDocument, "/device", nullptr), "bad.json: document.device is not a text"},
       {R"({"bench": "stages", "machine": "m", "device": "d", "rows": [{"backend": "omp", "path": "fast", "spheres": 1,
            "contacts": 1, "seconds": 3}]})",
        "bad.json: rows[0].seconds is not an object"},
@@ -187,7 +178,7 @@ TEST_F(BenchDraw, WhatIsDamagedEndsWithOneSentenceAndNoPicture) {
 }
 
 TEST_F(BenchDraw, WithoutGnuplotABenchSaysSoAndDrawFails) {
-  write("good.json", scaling_document().dump());
+  write("good.json", kDocument.dump());
   const Outcome drawn = bench("draw good.json", "PATH=/nowhere");
   EXPECT_EQ(drawn.code, 1);
   EXPECT_EQ(drawn.err, "bench: no plot: gnuplot is not installed (Debian: gnuplot-nox)\n");

@@ -1,23 +1,31 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Runs the program bench in a folder of the test's own.
 #pragma once
-#include <set>
+#include <nlohmann/json.hpp>
 
 #include "tests/program_test.h"
 
 namespace padder {
 
+using Json = nlohmann::ordered_json;
+
+inline Json scaling_document(const Json& one, const Json& other) {
+  return {{"bench", "scaling"},
+          {"machine", "a processor"},
+          {"device", "a GPU"},
+          {"rows", Json::array({one, other})}};
+}
+
+// The text of the document with another value at this place.
+inline std::string changed(Json document, const std::string& pointer, const Json& value) {
+  document[Json::json_pointer(pointer)] = value;
+  return document.dump();
+}
+
 class BenchProgram : public ProgramTest {
  protected:
   Outcome bench(const std::string& arguments, const std::string& before = "") const {
     return run("bench", arguments, before);
-  }
-  std::set<std::string> files() const {
-    std::set<std::string> names;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
-      if (entry.is_regular_file() && entry.path().filename().string()[0] != '.')
-        names.insert(std::filesystem::relative(entry.path(), folder_).string());
-    return names;
   }
   // Fails with one sentence that begins like this, and prints nothing else.
   void expect_refused(const std::string& arguments, const std::string& sentence) const {

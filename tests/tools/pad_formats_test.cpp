@@ -2,6 +2,7 @@
 // The program pad itself: endings, formats, robots, exit codes.
 #include <nlohmann/json.hpp>
 
+#include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {
@@ -66,9 +67,7 @@ TEST_F(PadFormatsTest, AUnitIsNeverLostWithoutAWord) {
   }
   ASSERT_EQ(pad("c.npz -q --format liggghts -o c.txt").output, "");
   const Ran silent = pad("c.txt -o c.xml");
-  EXPECT_NE(silent.output.find("c.txt does not say its unit, so c.xml takes its lengths for metres"),
-            std::string::npos)
-      << silent.output;
+  EXPECT_TRUE(holds(silent.output, "c.txt does not say its unit, so c.xml takes its lengths for metres"));
   EXPECT_EQ(pad("c.txt --unit mm -q -o c.xml").output, "");
   EXPECT_LT(read_spheres(folder_ / "c.xml").bounds.diagonal(), 0.003);
 }
@@ -77,8 +76,7 @@ TEST_F(PadFormatsTest, AConversionToAnotherUnitKeepsTheSize) {
   ASSERT_EQ(pad("cube.obj --lod 10%,5% --max-radius 20% -q --unit m -o c.spheres.json").output, "");
   ASSERT_EQ(pad("c.spheres.json --unit mm -q -o mm.spheres.json -o mm.urdf").output, "");
   ASSERT_EQ(pad("c.spheres.json -q -o m.urdf").output, "");
-  EXPECT_NE(pad("c.spheres.json -o m.xml").output.find("levels of detail are left out of m.xml"),
-            std::string::npos);
+  EXPECT_TRUE(holds(pad("c.spheres.json -o m.xml").output, "levels of detail are left out of m.xml"));
   const Cluster m = read_spheres(folder_ / "c.spheres.json"), mm = read_spheres(folder_ / "mm.spheres.json");
   EXPECT_EQ(mm.unit, "mm");
   EXPECT_NEAR(mm.bounds.diagonal(), 1000 * m.bounds.diagonal(), 1e-9);
@@ -97,8 +95,7 @@ TEST_F(PadFormatsTest, AConversionToAnotherUnitKeepsTheSize) {
 TEST_F(PadFormatsTest, AConversionChangesFamilyAndMaskToNone) {
   ASSERT_EQ(pad("cube.obj --edge-length 10% --family 3 --mask 4 -q -o c.spheres.json").output, "");
   const Ran full = pad("c.spheres.json -q -o c.urdf");
-  EXPECT_NE(full.output.find("take family 0 and mask 0 (--family 0 --mask 0)"), std::string::npos)
-      << full.output;
+  EXPECT_TRUE(holds(full.output, "take family 0 and mask 0 (--family 0 --mask 0)"));
   ASSERT_EQ(pad("c.spheres.json --mask 0 -q -o d.spheres.json").output, "");
   EXPECT_EQ(read_spheres(folder_ / "d.spheres.json").family, 3u);
   EXPECT_EQ(read_spheres(folder_ / "d.spheres.json").mask, 0u);
@@ -122,11 +119,10 @@ TEST_F(PadFormatsTest, ARobotOfOneLinkHasNoFamily) {
 TEST_F(PadFormatsTest, WhatAConversionLeavesOutIsSaid) {
   ASSERT_EQ(pad("r.urdf --tolerance 10% -q -o r.yaml -o r.srdf").output, "");
   EXPECT_EQ(pad("r.yaml -q -o s.srdf").output, "");
-  EXPECT_NE(read_file(folder_ / "s.srdf").find("link1=\"a\" link2=\"b\""), std::string::npos);
+  EXPECT_TRUE(holds(read_file(folder_ / "s.srdf"), "link1=\"a\" link2=\"b\""));
   const Ran r = pad("r.srdf -o s.xrdf");
-  EXPECT_NE(r.output.find("the joints, the base and the tool of r.srdf are not read: set them in s.xrdf"),
-            std::string::npos)
-      << r.output;
+  EXPECT_TRUE(
+      holds(r.output, "the joints, the base and the tool of r.srdf are not read: set them in s.xrdf"));
 }
 
 TEST_F(PadFormatsTest, WhatCannotBeReadIsTheCause) {
@@ -183,7 +179,7 @@ TEST_F(PadFormatsTest, ARobotThatContradictsItselfIsASentence) {
 TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
   const Ran r = pad("cube.obj --edge-length 10% --family 3 -q -o c.csv");
   EXPECT_EQ(r.status, 1);
-  EXPECT_NE(r.output.find("cannot hold"), std::string::npos) << r.output;
+  EXPECT_TRUE(holds(r.output, "cannot hold"));
   EXPECT_EQ(std::count(r.output.begin(), r.output.end(), '\n'), 1);
   EXPECT_FALSE(fs::exists(folder_ / "c.csv"));
   EXPECT_EQ(pad("cube.obj -o c.xyz").status, 2);
@@ -207,7 +203,7 @@ TEST_F(PadFormatsTest, SpheresAreConvertedWithoutPadding) {
   expect_same_spheres(read_spheres(folder_ / "s.srdf", "a"), read_spheres(folder_ / "r.xml", "a"));
   const Ran unplaced = pad("r.yaml -q -o s.xml");
   EXPECT_EQ(unplaced.status, 1);
-  EXPECT_NE(unplaced.output.find("not where the links are"), std::string::npos) << unplaced.output;
+  EXPECT_TRUE(holds(unplaced.output, "not where the links are"));
   EXPECT_FALSE(fs::exists(folder_ / "s.xml"));
   for (const char* wrong :
        {"c.spheres.json", "c.spheres.json -o x.xml --tolerance 1%", "c.spheres.json -o x.xml --effort 2",
@@ -256,7 +252,7 @@ TEST_F(PadFormatsTest, AnSrdfThatIsAskedForIsNotLostToThatOfAUrdf) {
   ASSERT_EQ(pad("r.urdf --edge-length 10% -q -o p.npz").output, "");
   ASSERT_EQ(pad("p.npz -q -o s.srdf").output, "");
   ASSERT_EQ(pad("p.npz -q -o t.srdf -o t.urdf").output, "");
-  EXPECT_NE(read_file(folder_ / "t.srdf").find("link_sphere_approximation"), std::string::npos);
+  EXPECT_TRUE(holds(read_file(folder_ / "t.srdf"), "link_sphere_approximation"));
   EXPECT_EQ(read_file(folder_ / "t.srdf"), read_file(folder_ / "s.srdf"));
 }
 
@@ -275,8 +271,7 @@ TEST_F(PadFormatsTest, Robots) {
   EXPECT_GT(fs::file_size(folder_ / shown), 1000u);
   const Ran unknown = pad("r.urdf -o few.urdf --preview r.png --joint elbow=1.5");
   EXPECT_EQ(unknown.status, 1);
-  EXPECT_NE(unknown.output.find("no joint elbow that moves; its joints are j\n"), std::string::npos)
-      << unknown.output;
+  EXPECT_TRUE(holds(unknown.output, "no joint elbow that moves; its joints are j\n"));
   EXPECT_EQ(pad("r.urdf -o few.urdf --preview r.png --joint j").status, 2);
   EXPECT_EQ(pad("r.urdf -o few.urdf --package-path nowhere").output,
             "pad: --package-path: there is no folder \"nowhere\"\n");

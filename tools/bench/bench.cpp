@@ -148,8 +148,7 @@ int main(int argc, char** argv) {
   app.add_option("NAME", name, "which bench");
   app.add_option("FILE", s.files,
                  "meshes (frontier; shoe: one), clusters (piles; of an arm's links: worlds), JSON files that "
-                 "benches wrote "
-                 "(draw, compare)");
+                 "benches wrote (draw, compare)");
   app.add_flag("--list", list, "name the benches");
   // Of more spheres than a detector takes, a scene cannot be measured.
   add_whole(app, "--spheres", s.spheres, "sizes, instead of the bench's own", 1, 0xfffffffe)

@@ -197,55 +197,37 @@ class Table {
                     {"contacts_margin", near.contacts},
                     {"seconds_grown", near.seconds_grown},
                     {"over_dense", dense_ > 0 ? each / dense_ : 0}});
-    table.push_back({name,
-                     std::to_string(n),
-                     std::to_string(contacts),
-                     d.backend(),
-                     ms(standing.median),
-                     ms(standing.worst),
-                     ratio(each, dense_),
-                     ms(standing.processor),
-                     ratio(processor, dense_processor_),
-                     number(r.scene->most, "%.1f"),
-                     ms(moving.median),
-                     ms(moving.worst),
-                     ratio(moving.median, standing.median),
-                     ratio(moving.worst, moving.median),
-                     ms(followed.median),
-                     ratio(followed.median, standing.median),
-                     ms(followed_moving.median),
-                     ratio(followed_moving.median, moving.median),
-                     std::to_string(near.contacts),
-                     ms(near.seconds),
-                     ratio(near.seconds, standing.median),
-                     ms(near.seconds_grown),
-                     ratio(near.seconds, near.seconds_grown)});
+    const std::vector<std::pair<const char*, std::string>> columns = {
+        {"scene", name},
+        {"spheres", std::to_string(n)},
+        {"contacts", std::to_string(contacts)},
+        {"backend", d.backend()},
+        {"standing [ms]", ms(standing.median)},
+        {"worst [ms]", ms(standing.worst)},
+        {"over dense", ratio(each, dense_)},
+        {"CPU time [ms]", ms(standing.processor)},
+        {"over dense", ratio(processor, dense_processor_)},
+        {"aim", number(r.scene->most, "%.1f")},
+        {"moving [ms]", ms(moving.median)},
+        {"worst of 100 [ms]", ms(moving.worst)},
+        {"moving / standing", ratio(moving.median, standing.median)},
+        {"worst / median", ratio(moving.worst, moving.median)},
+        {"with history [ms]", ms(followed.median)},
+        {"over standing", ratio(followed.median, standing.median)},
+        {"moving with history [ms]", ms(followed_moving.median)},
+        {"over moving", ratio(followed_moving.median, moving.median)},
+        {"contacts with margin", std::to_string(near.contacts)},
+        {"with margin [ms]", ms(near.seconds)},
+        {"over standing", ratio(near.seconds, standing.median)},
+        {"grown by half of it [ms]", ms(near.seconds_grown)},
+        {"over grown", ratio(near.seconds, near.seconds_grown)}};
+    Json headings, cells;
+    for (const auto& [heading, cell] : columns) headings.push_back(heading), cells.push_back(cell);
+    table[0] = headings, table.push_back(cells);
   }
 
   Json rows = Json::array();
-  Json table = Json::array({{"scene",
-                             "spheres",
-                             "contacts",
-                             "backend",
-                             "standing [ms]",
-                             "worst [ms]",
-                             "over dense",
-                             "CPU time [ms]",
-                             "over dense",
-                             "aim",
-                             "moving [ms]",
-                             "worst of 100 [ms]",
-                             "moving / standing",
-                             "worst / median",
-                             "with history [ms]",
-                             "over standing",
-                             "moving with history [ms]",
-                             "over moving",
-                             "contacts with margin",
-                             "with margin [ms]",
-                             "over standing",
-                             "grown by half of it [ms]",
-                             "over grown"}});
+  Json table = Json::array({Json::array()});  // its headings, and a row for each scene
 
  private:
   // The nine stages decide every pair in double, on a way of their own. They have bins of one size, so that

@@ -44,39 +44,30 @@ Spheres dilute(std::uint64_t n, SplitMix64&) { return detect::generate("dilute",
 Spheres poly35(std::uint64_t n, SplitMix64&) { return detect::generate("poly35", n, false); }
 Spheres poly100(std::uint64_t n, SplitMix64&) { return detect::generate("poly100", n, false); }
 
-// One sphere in `one_in` thrown up to `edges` edges of the scene away.
-void throw_some(Spheres& s, std::uint64_t one_in, double edges, SplitMix64& random) {
+// One sphere in 1,000 thrown up to `edges` edges of the scene away.
+Spheres thrown(Spheres s, double edges, SplitMix64& random) {
   float high = 0;
   for (const FloatSphere& f : s) high = std::max({high, f.x, f.y, f.z});
   const auto far = [&] { return static_cast<float>(random.signed_unit() * edges) * high; };
-  for (std::size_t k = 0; k < s.size(); k += one_in) s[k].x = far(), s[k].y = far(), s[k].z = far();
-}
-Spheres escaped(std::uint64_t n, SplitMix64& random) {
-  Spheres s = dense(n, random);
-  throw_some(s, 1000, 100, random);
+  for (std::size_t k = 0; k < s.size(); k += 1000) s[k].x = far(), s[k].y = far(), s[k].z = far();
   return s;
 }
-Spheres one_far(std::uint64_t n, SplitMix64& random) {
-  Spheres s = dense(n, random);
-  s[0] = at(1e6, -2e6, 3e6);
-  return s;
-}
-// Too far for bins in float.
-Spheres one_lost(std::uint64_t n, SplitMix64& random) {
-  Spheres s = dense(n, random);
-  s[0] = at(1e12, -2e12, 3e12);
-  return s;
-}
+Spheres escaped(std::uint64_t n, SplitMix64& random) { return thrown(dense(n, random), 100, random); }
 Spheres escaped_poly100(std::uint64_t n, SplitMix64& random) {
-  Spheres s = poly100(n, random);
-  throw_some(s, 1000, 100, random);
+  return thrown(poly100(n, random), 100, random);
+}
+
+// The first one at (far, -2 far, 3 far).
+Spheres with_one_at(Spheres s, double far) {
+  s[0] = at(far, -2 * far, 3 * far, s[0].r);
   return s;
 }
-Spheres one_far_poly100(std::uint64_t n, SplitMix64& random) {
-  Spheres s = poly100(n, random);
-  s[0] = at(1e6, -2e6, 3e6, s[0].r);
-  return s;
+Spheres one_far(std::uint64_t n, SplitMix64& random) { return with_one_at(dense(n, random), 1e6); }
+Spheres one_lost(std::uint64_t n, SplitMix64& random) {  // too far for bins in float
+  return with_one_at(dense(n, random), 1e12);
 }
+Spheres one_far_poly100(std::uint64_t n, SplitMix64& random) { return with_one_at(poly100(n, random), 1e6); }
+
 Spheres ground_poly100(std::uint64_t n, SplitMix64& random) {
   Spheres s = poly100(n, random);
   const FloatSphere lowest =
@@ -134,11 +125,7 @@ Spheres layers(std::uint64_t n, std::uint64_t deep, SplitMix64& random) {
   });
 }
 Spheres bed(std::uint64_t n, SplitMix64& random) { return layers(n, 16, random); }
-Spheres escaped_bed(std::uint64_t n, SplitMix64& random) {
-  Spheres s = layers(n, 1, random);
-  throw_some(s, 1000, 10, random);
-  return s;
-}
+Spheres escaped_bed(std::uint64_t n, SplitMix64& random) { return thrown(layers(n, 1, random), 10, random); }
 // Spheres that touch on the surface of a ball.
 Spheres shell(std::uint64_t n, SplitMix64&) {
   const double radius = std::sqrt(count_of(n) * 3.4 / (4 * std::numbers::pi));

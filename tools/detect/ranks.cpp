@@ -51,10 +51,10 @@ class Session {
     MPI_Comm_size(MPI_COMM_WORLD, &size);
     if (size == launch.ranks) return;
     MPI_Finalize();
-    throw Error("the launcher has started " + std::to_string(launch.ranks) + " processes, but MPI knows of " +
-                std::to_string(size) +
-                ": start them with the mpirun of the MPI that this program was built "
-                "with, or with srun --mpi=pmix");
+    throw Error(
+        "the launcher has started " + std::to_string(launch.ranks) + " processes, but MPI knows of " +
+        std::to_string(size) +
+        ": start them with the mpirun of the MPI that this program was built with, or with srun --mpi=pmix");
   }
   ~Session() { MPI_Finalize(); }
   Session(const Session&) = delete;

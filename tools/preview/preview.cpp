@@ -78,8 +78,7 @@ void declare(CLI::App& app, Arguments& a) {
       ->type_name("WHAT");
   padder::cli::add_colour(
       app, a.picture.colour,
-      "by family (the default), radius, protrusion, gap, triangle or body; the errors also "
-      "on the mesh");
+      "by family (the default), radius, protrusion, gap, triangle or body; the errors also on the mesh");
   app.add_option("--size", a.size, "picture: pixels (default: 1600x800)")->type_name("WxH");
   add_whole(app, "--samples", a.picture.samples, "picture: rays a pixel", 1, 4096)->capture_default_str();
   app.add_flag("--dark", a.picture.dark, "picture: on a dark background; a page follows the system");
@@ -150,9 +149,9 @@ void use_stdout(Arguments& a, padder::cli::StreamFiles& files) {
 void check_mesh(const Arguments& a, const CLI::App& app, const padder::View& view) {
   const bool mesh_alone = a.picture.show == padder::Show::mesh || a.picture.show == padder::Show::wire;
   if (app.count("--show") > 0 && mesh_alone && view.mesh.triangles.empty())
-    throw padder::Error("--show: " + a.input +
-                        " has no mesh to show: name it with --mesh (a cluster has one), or "
-                        "take --show spheres");
+    throw padder::Error(
+        "--show: " + a.input +
+        " has no mesh to show: name it with --mesh (a cluster has one), or take --show spheres");
 }
 
 int run(Arguments& a, const CLI::App& app, padder::cli::StreamFiles& files) {

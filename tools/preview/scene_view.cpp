@@ -8,6 +8,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/asset/npz.h"
+#include "padding/input/text.h"
 #include "tools/usage.h"
 
 namespace padder {
@@ -26,16 +27,11 @@ ViewContact contact_of(std::uint64_t i, std::uint64_t j, const double* normal, d
 
 std::vector<ViewContact> contacts_from_csv(std::string_view text, const std::string& where) {
   std::vector<ViewContact> out;
-  std::size_t number = 0;
   bool header = false;
-  while (!text.empty()) {
-    const std::size_t end = std::min(text.find('\n'), text.size());
-    std::string_view line = text.substr(0, end);
-    text.remove_prefix(std::min(end + 1, text.size()));
-    number++;
-    if (!line.empty() && line.back() == '\r') line.remove_suffix(1);
+  reading::Lines lines(text);
+  for (std::string_view line; lines.next(line);) {
     if (line.empty() || line[0] == '#') continue;
-    const std::string place = where + ", line " + std::to_string(number);
+    const std::string place = where + ", line " + std::to_string(lines.number());
     if (!header) {
       if (line != kHeader)
         throw Error(place + ": this must be the header of a contact file: " + std::string(kHeader));

@@ -174,10 +174,9 @@ void check_rotation(const double* rotation, std::size_t body) {
     for (int k = i; k < 3; k++) {
       const double *a = rotation + 3 * i, *b = rotation + 3 * k;
       if (!(std::abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (i == k)) < 1e-3))
-        throw py::value_error(
-            "the pose of body " + std::to_string(body) +
-            " does not begin with a rotation: the three rows of its matrix must have length 1 "
-            "and be at right angles");
+        throw py::value_error("the pose of body " + std::to_string(body) +
+                              " does not begin with a rotation: the three rows of its matrix must have "
+                              "length 1 and be at right angles");
     }
   const double* r = rotation;
   if (r[0] * (r[4] * r[8] - r[5] * r[7]) + r[1] * (r[5] * r[6] - r[3] * r[8]) +

@@ -357,8 +357,7 @@ class PyDetector {
     if (shared_->lent)
       throw Error(
           "arrays of the last contacts are still in use, and the detector would overwrite them: copy what "
-          "you want "
-          "to keep and delete the arrays before the next call");
+          "you want to keep and delete the arrays before the next call");
     check_rotations(in, in.input.revision != 0 && in.input.revision == shared_->revision &&
                             in.input.bodies.size() == shared_->bodies);
     detect::CallOptions o = shared_->detector->options();

@@ -278,8 +278,7 @@ void add_load(py::module_& m) {
       },
       "path"_a, "part"_a = "",
       "Reads spheres from a .spheres.json file, or from a file of another program (docs/formats.md). part: "
-      "the name of the "
-      "link or clump to read.");
+      "the name of the link or clump to read.");
 }
 
 void add_pad_of_arrays(py::module_& m) {
@@ -340,8 +339,7 @@ void add_pad_of_file(py::module_& m) {
       "max_spheres"_a = 0, "sharp_angle"_a = 40.0, "repair"_a = "auto", "family"_a = 0, "mask"_a = 0,
       "unit"_a = "", "scale"_a = 1.0, "protrusion"_a = py::none(), "gap"_a = py::none(),
       "Reads a mesh file and pads it; see pad. unit: \"m\", \"cm\", \"mm\" or \"in\". scale: a factor for "
-      "every "
-      "coordinate.");
+      "every coordinate.");
 }
 
 // A robot whose links are clusters.
@@ -400,8 +398,7 @@ void add_robot(py::module_& m) {
       "package_path"_a = std::vector<std::filesystem::path>(), "poses"_a = RobotOptions().poses,
       "repair"_a = "auto",
       "Pads every link of a URDF; options of padding as in pad, for each link by itself. robot_spheres: the "
-      "smallest "
-      "tolerance for so many spheres in all. save writes any format for robots (docs/formats.md).");
+      "smallest tolerance for so many spheres in all. save writes any format for robots (docs/formats.md).");
 }
 
 }  // namespace

@@ -505,8 +505,7 @@ SettleScene settle_scene_from_json(const std::string& text, const std::string& w
   if (!document.has("settle"))
     document.fail(
         "this scene has no object \"settle\": docs/detector/settle.md says what is in it; {} takes all as it "
-        "is "
-        "by default");
+        "is by default");
   std::vector<std::filesystem::path> files = scene.files;
   SettleScene out = Reader(std::move(scene), document.at("settle")).read(rule);
   out.files = std::move(files);

@@ -41,7 +41,7 @@ struct Arguments {
 };
 
 void declare(CLI::App& app, Arguments& a) {
-  using padder::cli::whole;
+  using padder::cli::add_whole;
   app.add_option("SCENE", a.scene,
                  "a scene (.json) with an object \"settle\": docs/detector/settle.md; - reads it from stdin")
       ->check(padder::cli::scene_file({".csv", ".npy", ".npz"}));
@@ -49,25 +49,19 @@ void declare(CLI::App& app, Arguments& a) {
                  "frames: .html for a page that plays, .npz or .vtp for NAME_0000 and so on; with --make the "
                  "scene (.json); - writes a page to stdout")
       ->type_name("FILE");
-  app.add_option("--frames", a.frames,
-                 "how many frames (default: 100 for a page, fewer where it would be above 30 MB; else the "
-                 "last state alone)")
-      ->check(whole())
-      ->check(CLI::Range(std::uint64_t(1), kMostFrames))
-      ->type_name("N");
-  app.add_option("--steps", a.steps, "steps to take (default: the scene's duration)")
-      ->check(whole())
-      ->type_name("N");
+  add_whole(app, "--frames", a.frames,
+            "how many frames (default: 100 for a page, fewer where it would be above 30 MB; else the last "
+            "state alone)",
+            1, kMostFrames);
+  add_whole(app, "--steps", a.steps, "steps to take (default: the scene's duration)");
   app.add_flag("--until-rest", a.until_rest,
                "end as soon as everything is at rest; the duration is the most that it may take");
   app.add_option("--checkpoint", a.checkpoint, "write the state with each frame and at the end (.npz)")
       ->type_name("FILE");
   app.add_option("--resume", a.resume, "begin with the state of such a file; the bits are those of one run")
       ->type_name("FILE");
-  app.add_option("--threads", a.threads, "threads (default: all, if the scene is large enough)")
-      ->check(whole())
-      ->check(CLI::Range(0, padder::cli::kMostThreads))
-      ->type_name("N");
+  add_whole(app, "--threads", a.threads, "threads (default: all, if the scene is large enough)", 0,
+            padder::cli::kMostThreads);
   app.add_option("--backend", a.backend,
                  "auto (a GPU if there is one and the scene is large enough for it), omp or cuda")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}))
@@ -89,18 +83,13 @@ void declare(CLI::App& app, Arguments& a) {
                  "make the scene: silo, ball or track. -o FILE.json writes it, and anything else settles it")
       ->check(CLI::IsMember(padder::settle::scene_makers()))
       ->type_name("NAME");
-  app.add_option("--count", a.count, "--make: grains of the silo and the track, bodies of the ball")
-      ->check(whole())
-      ->check(CLI::Range(std::uint64_t(1), std::uint64_t(100000000)))
-      ->capture_default_str()
-      ->type_name("N");
+  add_whole(app, "--count", a.count, "--make: grains of the silo and the track, bodies of the ball", 1,
+            100000000)
+      ->capture_default_str();
   app.add_option("--cluster", a.cluster, "--make: the padded part of the ball's bodies or the track's shoes")
       ->type_name("FILE");
-  app.add_option("--seed", a.seed, "--make: of the random numbers")
-      ->check(whole())
-      ->check(CLI::Range(std::uint64_t(0), padder::settle::kMostSeed))
-      ->capture_default_str()
-      ->type_name("N");
+  add_whole(app, "--seed", a.seed, "--make: of the random numbers", 0, padder::settle::kMostSeed)
+      ->capture_default_str();
   app.add_flag("--json", a.json, "print one JSON document on stdout");
   app.add_flag("-q", a.quiet, "print nothing but errors");
   app.set_version_flag("--version", "settle (padder) " PADDER_VERSION);

@@ -33,8 +33,7 @@ std::string sentence(const Work& read, const Talk& send = kNothing, const Talk& 
 }
 const std::string kCrashed =
     "t.fbx: the reader crashed on it: the file is damaged, or has something that the reader does not know: "
-    "export it "
-    "again or in another format";
+    "export it again or in another format";
 
 TEST(Child, WhateverHappensThereIsASentenceHere) {
   EXPECT_EQ(sentence([] { throw Error("t.fbx: a reason"); }), "t.fbx: a reason");

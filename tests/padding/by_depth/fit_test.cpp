@@ -14,7 +14,6 @@ constexpr double kNoGuard = 1e300;
 
 TEST(Fit, EverySphereGoesThroughItsCornersAndStandsOutByItsCap) {
   for (std::uint64_t seed = 1; seed <= 20; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random, 3);
     const double depth = random.uniform(0.05, 1);
@@ -33,28 +32,22 @@ TEST(Fit, EverySphereGoesThroughItsCornersAndStandsOutByItsCap) {
   }
 }
 
+const Mesh kRightAngle{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}}};
+
 TEST(Fit, RadiusAtDepthOneFifthIsTwoPointSixCircumradii) {
-  Mesh mesh;
-  mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
-  mesh.triangles = {{0, 1, 2}};
-  const auto balls = fit(mesh, 0.2, kNoGuard);
+  const auto balls = fit(kRightAngle, 0.2, kNoGuard);
   EXPECT_NEAR(balls[0].ball.radius, 2.6 * std::sqrt(0.5), 1e-12);
   EXPECT_LT(balls[0].ball.center.z(), 0);  // below, the normal being +z
 }
 
 TEST(Fit, DepthOneIsTheSphereOverTheCircumcircle) {
-  Mesh mesh;
-  mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
-  mesh.triangles = {{0, 1, 2}};
-  const auto balls = fit(mesh, 1, kNoGuard);
+  const auto balls = fit(kRightAngle, 1, kNoGuard);
   EXPECT_NEAR(balls[0].ball.radius, std::sqrt(0.5), 1e-12);
   EXPECT_NEAR(balls[0].ball.center.z(), 0, 1e-12);
 }
 
 TEST(Fit, ASliverYieldsNoRunawaySphere) {
-  Mesh mesh;
-  mesh.points = {{0, 0, 0}, {1, 0, 0}, {0.5, 1e-9, 0}};
-  mesh.triangles = {{0, 1, 2}};
+  const Mesh mesh{{{0, 0, 0}, {1, 0, 0}, {0.5, 1e-9, 0}}, {{0, 1, 2}}};
   const auto balls = fit(mesh, 0.2, 1);
   EXPECT_NEAR(balls[0].ball.radius, 2.6 * 0.5, 1e-9);
   for (const Point& p : mesh.points)
@@ -63,9 +56,7 @@ TEST(Fit, ASliverYieldsNoRunawaySphere) {
 
 // The area of corners on a line is rounding, and so is the direction of its normal. Found by fuzzing.
 TEST(Fit, CornersOnALineLieInTheSphereOfTheirSegment) {
-  Mesh mesh;
-  mesh.points = {Point(52, 118, 49) / 3, Point(50, 83, 48) / 3, Point(48, 48, 47) / 3};
-  mesh.triangles = {{2, 1, 0}};
+  const Mesh mesh{{Point(52, 118, 49) / 3, Point(50, 83, 48) / 3, Point(48, 48, 47) / 3}, {{2, 1, 0}}};
   const Ball ball = fit(mesh, 0.2, 0.125)[0].ball;
   for (const Point& p : mesh.points) EXPECT_LE((p - ball.center).norm(), ball.radius * (1 + 1e-12));
 }

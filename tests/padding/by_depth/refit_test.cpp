@@ -2,13 +2,13 @@
 #include "padding/by_depth/refit.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <stdexcept>
 
 #include "padding/meshing/remesh.h"
 #include "padding/verify/certify.h"
 #include "tests/padding/random_input.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
@@ -93,9 +93,8 @@ TEST(Refit, FlatCapsOnLargeTrianglesAreCoveredWithoutVeryManyParts) {
   const Mesh remeshed = remesh(cube, {.edge_length = 0.05}).mesh;
   const auto before = fit(remeshed, 0.03, 0.05);
   std::size_t most = 0, rounds = 0;
-  RefitOptions options;
-  options.tell = [&](std::size_t open) { most = std::max(most, open), rounds++; };
-  const auto after = refit(Surface(cube), remeshed, before, options);
+  const auto tell = [&](std::size_t open) { most = std::max(most, open), rounds++; };
+  const auto after = refit(Surface(cube), remeshed, before, {.tell = tell});
   EXPECT_GT(rounds, 2u);
   EXPECT_LT(most, 100'000u);
   EXPECT_LE(gap_bound(cube, BallSet(plain(after))).upper, largest_cap(before) * 1.001);
@@ -104,8 +103,7 @@ TEST(Refit, FlatCapsOnLargeTrianglesAreCoveredWithoutVeryManyParts) {
 TEST(Refit, ItsCallerMayEndIt) {
   const Mesh plate = shapes::box({0, 0, 0}, {1, 1, 0.001});
   const Mesh remeshed = remesh(plate, {.edge_length = 0.14}).mesh;
-  RefitOptions options;
-  options.tell = [](std::size_t) { throw std::runtime_error("ended"); };
+  const RefitOptions options{.tell = [](std::size_t) { throw std::runtime_error("ended"); }};
   EXPECT_THROW(refit(Surface(plate), remeshed, fit(remeshed, 0.1, 0.14), options), std::runtime_error);
 }
 
@@ -126,12 +124,8 @@ TEST(Refit, SameForAnyNumberOfThreads) {
   const Surface body(mesh);
   const Mesh remeshed = remesh(mesh, {.edge_length = 0.2}).mesh;
   const auto balls = fit(remeshed, 0.3, 0.2);
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const auto one = refit(body, remeshed, balls, {});
-  omp_set_num_threads(5);
-  const auto five = refit(body, remeshed, balls, {});
-  omp_set_num_threads(threads);
+  const auto found = [&] { return refit(body, remeshed, balls, {}); };
+  const auto one = with_threads(1, found), five = with_threads(5, found);
   ASSERT_EQ(one.size(), five.size());
   for (std::size_t k = 0; k < one.size(); k++) {
     EXPECT_EQ(one[k].ball.center, five[k].ball.center);

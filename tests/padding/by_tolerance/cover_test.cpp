@@ -2,12 +2,12 @@
 #include "padding/by_tolerance/cover.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include "padding/asset/error.h"
 #include "padding/geometry/random.h"
 #include "tests/padding/random_input.h"
 #include "tests/padding/shapes.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
@@ -120,9 +120,7 @@ Mesh sharp_solid(shapes::RandomInput& random, int kind) {
     mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {a * b, (1 - a) * b, thin}};
     mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {2, 0, 3}};
   }
-  const Eigen::Matrix3d rotation = random.rotation();
-  for (Point& p : mesh.points) p = rotation * p;
-  return unit(mesh);
+  return unit(shapes::moved(mesh, random.rotation(), Vector::Zero()));
 }
 
 TEST(Cover, BallsInsideCoverSharpEdges) {
@@ -208,53 +206,39 @@ TEST(Cover, ProvesNothingWithoutAnInside) {
   const Cover sheet = cover_surface(Surface(unit(shapes::square(1, 4))), options);
   EXPECT_EQ(sheet.open.why, WhyOpen::nothing);
   EXPECT_FALSE(sheet.proved);
-  Mesh turned = unit(shapes::box({0, 0, 0}, {1, 1, 1}));
-  for (auto& t : turned.triangles) std::swap(t[0], t[1]);
-  const Surface surface(turned);
+  const Surface surface(unit(shapes::turned_over(shapes::box({0, 0, 0}, {1, 1, 1}))));
   const Cover cover = cover_surface(surface, options);
   EXPECT_EQ(cover.open.why, WhyOpen::nothing);
   EXPECT_EQ(cover.proved, protrusion_bound(surface, cover.balls).max <= 0.03);
   EXPECT_FALSE(cover.proved);  // the balls lie outside, where the normals say inside is
 }
 
+void expect_same_balls(const Cover& a, const Cover& b) {
+  ASSERT_EQ(a.balls.size(), b.balls.size());
+  for (std::size_t k = 0; k < a.balls.size(); k++) {
+    ASSERT_EQ(a.balls[k].center, b.balls[k].center);
+    ASSERT_EQ(a.balls[k].radius, b.balls[k].radius);
+  }
+}
+
 TEST(Cover, SameResultForAnyNumberOfThreads) {
   const Surface surface(unit(shapes::torus(1, 0.3, 40, 20)));
-  const int before = omp_get_max_threads();
-  std::vector<Cover> covers;
-  for (int threads : {1, 2, 5}) {
-    omp_set_num_threads(threads);
-    covers.push_back(cover_surface(surface, {.protrusion = 0.01, .gap = 0.01}));
-  }
-  omp_set_num_threads(before);
-  for (const Cover& cover : covers) {
-    ASSERT_EQ(cover.balls.size(), covers[0].balls.size());
-    for (std::size_t k = 0; k < cover.balls.size(); k++) {
-      ASSERT_EQ(cover.balls[k].center, covers[0].balls[k].center);
-      ASSERT_EQ(cover.balls[k].radius, covers[0].balls[k].radius);
-    }
-  }
+  const auto cover = [&] { return cover_surface(surface, {.protrusion = 0.01, .gap = 0.01}); };
+  const Cover one = with_threads(1, cover);
+  for (const int threads : {2, 5}) expect_same_balls(with_threads(threads, cover), one);
 }
 
 // Many balls: the blocks of one search run in parallel, and not the searches.
 TEST(Cover, LargeCoversAreTheSameForAnyNumberOfThreads) {
   const double e = 0.005;
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.05})));
-  const auto cover = [&](int threads) {
-    omp_set_num_threads(threads);
-    return cover_surface(surface, {.protrusion = e, .gap = e});
-  };
-  const int before = omp_get_max_threads();
-  const Cover one = cover(1), three = cover(3);
-  omp_set_num_threads(before);
+  const auto cover = [&] { return cover_surface(surface, {.protrusion = e, .gap = e}); };
+  const Cover one = with_threads(1, cover), three = with_threads(3, cover);
   ASSERT_GT(one.balls.size(), 400u);  // three blocks of the search
   ASSERT_TRUE(one.proved);
   EXPECT_LE(protrusion_bound(surface, one.balls).max, e + 1e-15);
   EXPECT_LE(gap_bound(surface.mesh(), BallSet(one.balls), e).upper, e);
-  ASSERT_EQ(one.balls.size(), three.balls.size());
-  for (std::size_t k = 0; k < one.balls.size(); k++) {
-    ASSERT_EQ(one.balls[k].center, three.balls[k].center);
-    ASSERT_EQ(one.balls[k].radius, three.balls[k].radius);
-  }
+  expect_same_balls(one, three);
 }
 
 TEST(Cover, AHigherEffortNeverGivesMoreBalls) {

@@ -2,13 +2,13 @@
 #include "padding/by_tolerance/fill.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include "padding/by_tolerance/cover.h"
 #include "padding/by_tolerance/cull.h"
 #include "padding/geometry/random.h"
 #include "padding/verify/certify.h"
 #include "tests/padding/shapes.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
@@ -70,20 +70,14 @@ TEST(Fill, FindsAndFillsAHollowWithinRadiusLimits) {
   ASSERT_EQ(cover.open.why, WhyOpen::nothing);
   ASSERT_GT(missed(surface, cover.balls, 3), 1000) << "seed 3";
   const FillOptions options{.depth = 0.0099 * e, .protrusion = e};
-  const int before = omp_get_max_threads();
-  std::vector<Filled> found;
-  for (int threads : {1, 3}) {
-    omp_set_num_threads(threads);
-    found.push_back(fill_body(surface, BallSet(cover.balls), options));
-  }
-  omp_set_num_threads(before);
-  const Filled& filled = found[0];
+  const auto found = [&] { return fill_body(surface, BallSet(cover.balls), options); };
+  const Filled filled = with_threads(1, found), again = with_threads(3, found);
   EXPECT_TRUE(filled.covered);
   EXPECT_GE(filled.balls.size(), 1u);
   EXPECT_LT(filled.balls.size(), 60u);
-  ASSERT_EQ(found[1].balls.size(), filled.balls.size());
+  ASSERT_EQ(again.balls.size(), filled.balls.size());
   for (std::size_t k = 0; k < filled.balls.size(); k++)
-    ASSERT_EQ(found[1].balls[k].center, filled.balls[k].center);
+    ASSERT_EQ(again.balls[k].center, filled.balls[k].center);
   std::vector<Ball> all = cover.balls;
   all.insert(all.end(), filled.balls.begin(), filled.balls.end());
   EXPECT_EQ(missed(surface, all, 4), 0) << "seed 4";

@@ -2,22 +2,17 @@
 #include "padding/by_tolerance/lower_bound.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include "padding/asset/error.h"
 #include "padding/by_tolerance/cover.h"
 #include "padding/geometry/random.h"
 #include "tests/padding/shapes.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
 
-using shapes::unit, shapes::joined;
-
-Mesh moved(Mesh mesh, const Vector& by) {
-  for (Point& p : mesh.points) p += by;
-  return mesh;
-}
+using shapes::unit, shapes::joined, shapes::moved;
 
 std::uint64_t bound_of(const Mesh& mesh, double e) {
   return fewest_balls(Surface(mesh), {.protrusion = e, .gap = e});
@@ -80,13 +75,8 @@ TEST(LowerBound, ARadiusLimitRaisesIt) {
 
 TEST(LowerBound, SameForAnyNumberOfThreads) {
   const Mesh mesh = unit(shapes::box({0, 0, 0}, {1, 0.5, 0.2}));
-  const int before = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const std::uint64_t one = bound_of(mesh, 0.05);
-  omp_set_num_threads(3);
-  const std::uint64_t three = bound_of(mesh, 0.05);
-  omp_set_num_threads(before);
-  EXPECT_EQ(one, three);
+  const auto bound = [&] { return bound_of(mesh, 0.05); };
+  EXPECT_EQ(with_threads(1, bound), with_threads(3, bound));
 }
 
 TEST(LowerBound, EdgesOfWhatCanBeAsked) {

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 // MJCF in MuJoCo itself: padding/export/mujoco.cpp.
-#include <mujoco/mujoco.h>
-
 #include <algorithm>
+#include <optional>
 #include <set>
 
 #include "padding/asset/error.h"
 #include "padding/export/families.h"
 #include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
+#include "tests/padding/in_mujoco.h"
 
 namespace padder::samples {
 namespace {
@@ -21,21 +21,11 @@ class MujocoTest : public ExportTest {
     load_xml(xml);
   }
   void load_xml(const std::string& xml) {
-    char error[1000] = "";
     write_file(folder_ / "m.xml", xml);
-    m_ = mj_loadXML((folder_ / "m.xml").c_str(), nullptr, error, sizeof error);
-    ASSERT_NE(m_, nullptr) << error << "\n" << read_file(folder_ / "m.xml");
-    EXPECT_STREQ(error, "");
-    d_ = mj_makeData(m_);
+    loaded_.emplace(folder_ / "m.xml");
+    EXPECT_EQ(loaded_->warning, "");
+    m_ = loaded_->model, d_ = loaded_->data;
     mj_forward(m_, d_);
-  }
-  void unload() {
-    mj_deleteData(d_), mj_deleteModel(m_);
-    d_ = nullptr, m_ = nullptr;
-  }
-  void TearDown() override {
-    unload();
-    ExportTest::TearDown();
   }
   std::set<std::pair<int, int>> touching_bodies() const {  // numbered from 0: MuJoCo's 0 is the world
     std::set<std::pair<int, int>> pairs;
@@ -45,9 +35,25 @@ class MujocoTest : public ExportTest {
     }
     return pairs;
   }
+  std::optional<InMujoco> loaded_;
   mjModel* m_ = nullptr;
   mjData* d_ = nullptr;
 };
+
+// The pairs of bodies that our rule lets touch.
+std::set<std::pair<int, int>> touching(const std::vector<CollisionFilter>& filters) {
+  std::set<std::pair<int, int>> pairs;
+  for (std::size_t i = 0; i < filters.size(); i++)
+    for (std::size_t j = i + 1; j < filters.size(); j++)
+      if (may_touch(filters[i], filters[j])) pairs.emplace(i, j);
+  return pairs;
+}
+
+// The bodies of an MJCF.
+std::string in_world(const std::string& xml) {
+  const auto from = xml.find("<worldbody>\n") + 12;
+  return xml.substr(from, xml.find("  </worldbody>") - from);
+}
 
 // Bodies on one spot, a filter each: MuJoCo's contacts must be the pairs of our rule.
 Model heap(const std::vector<CollisionFilter>& filters) {
@@ -72,14 +78,10 @@ TEST_F(MujocoTest, AChainThatIsTooLongForItsReaderIsTold) {
     Model m;
     m.name = "chain";
     for (int k = 0; k < bodies; k++) {
-      Body b;
-      b.name = "b" + std::to_string(k);
-      b.parent = k - 1;
+      Body b = heap({{0, 0}}).bodies[0];
+      b.name = "b" + std::to_string(k), b.parent = k - 1;
       b.pose = Eigen::Translation3d(1, 0, 0);  // no two touch
-      b.joint.name = "j" + std::to_string(k);
-      b.joint.type = Joint::Type::revolute;
-      b.cluster = brick();
-      b.cluster.centers.resize(1), b.cluster.radii.resize(1);
+      b.joint.name = "j" + std::to_string(k), b.joint.type = Joint::Type::revolute;
       m.bodies.push_back(std::move(b));
     }
     return m;
@@ -90,9 +92,8 @@ TEST_F(MujocoTest, AChainThatIsTooLongForItsReaderIsTold) {
   load(chain(96));
   EXPECT_TRUE(told(96).empty());
   ASSERT_EQ(told(97).size(), 1u);
-  EXPECT_NE(told(97)[0].find("MuJoCo 2.2 reads 96"), std::string::npos) << told(97)[0];
-  char error[1000] = "";
-  EXPECT_EQ(mj_loadXML((folder_ / "m.xml").c_str(), nullptr, error, sizeof error), nullptr);
+  EXPECT_TRUE(holds(told(97)[0], "MuJoCo 2.2 reads 96"));
+  EXPECT_THROW(InMujoco(folder_ / "m.xml"), Error);
   EXPECT_TRUE(refuses([&] { told(5000); }, "a chain of 5000"));
 }
 
@@ -113,10 +114,7 @@ TEST_F(MujocoTest, TheTruthTableOfFamilies) {
   for (const std::uint32_t family : {0u, 1u, 2u, 32u, 33u, 34u})
     for (const std::uint32_t mask : {0u, 1u, 2u, 0x80000000u, 3u}) filters.push_back({family, mask});
   load(heap(filters));
-  std::set<std::pair<int, int>> expected;
-  for (int i = 0; i < int(filters.size()); i++)
-    for (int j = i + 1; j < int(filters.size()); j++)
-      if (may_touch(filters[std::size_t(i)], filters[std::size_t(j)])) expected.emplace(i, j);
+  const auto expected = touching(filters);
   EXPECT_EQ(touching_bodies(), expected);
   EXPECT_GT(expected.size(), 50u);
 }
@@ -140,10 +138,7 @@ TEST_F(MujocoTest, MoreFamiliesThanBitsInOneFile) {
   for (std::uint32_t k = 1; k <= 32; k++) chain.push_back({k, k == 1 ? 0 : 1u << (k - 2)});
   for (const std::uint32_t k : {40u, 40u, 41u}) chain.push_back({k, 1u << 31});
   load(heap(chain));
-  std::set<std::pair<int, int>> expected;
-  for (int i = 0; i < int(chain.size()); i++)
-    for (int j = i + 1; j < int(chain.size()); j++)
-      if (may_touch(chain[std::size_t(i)], chain[std::size_t(j)])) expected.emplace(i, j);
+  const auto expected = touching(chain);
   EXPECT_EQ(touching_bodies(), expected);
   EXPECT_EQ(expected.count({32, 33}), 0u);
   for (const std::uint32_t family : {31u, 33u})  // alone, with nothing in the file to be kept from
@@ -153,29 +148,19 @@ TEST_F(MujocoTest, MoreFamiliesThanBitsInOneFile) {
 
 // Parts written to a file each and put into one world, where a ball of MuJoCo's own lies too.
 TEST_F(MujocoTest, PartsOfSeveralFilesKnowEachOther) {
-  const std::vector<CollisionFilter> filters{{0, 0},       {0, 0},       {1, 0},  {1, 0},
-                                             {3, 0},       {3, 0},       {0, 4},  {0, 5},
-                                             {4, 1u << 4}, {5, 1u << 3}, {30, 0}, {0, 1u << 29}};
+  std::vector<CollisionFilter> filters{{0, 0}, {0, 0}, {1, 0},       {1, 0},       {3, 0},  {3, 0},
+                                       {0, 4}, {0, 5}, {4, 1u << 4}, {5, 1u << 3}, {30, 0}, {0, 1u << 29}};
   std::string bodies = "    <body name=\"own\"><freejoint/><geom size=\"0.5\" pos=\"1 2 3\"/></body>\n";
-  const std::string begin = "<worldbody>\n", end = "  </worldbody>";
   for (std::size_t k = 0; k < filters.size(); k++) {
     Model m = heap({filters[k]});
     m.bodies[0].name = "b" + std::to_string(k);
     const std::string xml = text(m, "part.xml");
     EXPECT_EQ(xml.find("<exclude"), std::string::npos);
-    const auto from = xml.find(begin) + begin.size();
-    bodies += xml.substr(from, xml.find(end) - from);
+    bodies += in_world(xml);
   }
   load_xml("<mujoco><size nconmax=\"5000\" njmax=\"3000\"/><worldbody>\n" + bodies + "</worldbody></mujoco>");
-  std::set<std::pair<int, int>> expected;
-  for (int i = 0; i < int(filters.size()); i++) {
-    expected.emplace(0, i + 1);  // everything meets what is of no family
-    for (int j = i + 1; j < int(filters.size()); j++) {
-      const CollisionFilter &a = filters[std::size_t(i)], &b = filters[std::size_t(j)];
-      if (may_touch(a, b)) expected.emplace(i + 1, j + 1);
-    }
-  }
-  EXPECT_EQ(touching_bodies(), expected);
+  filters.insert(filters.begin(), {0, 0});  // the ball's
+  EXPECT_EQ(touching_bodies(), touching(filters));
 }
 
 // Two balls, one above the other, and the lower is fixed: the upper falls through what it may not touch.
@@ -192,18 +177,15 @@ TEST_F(MujocoTest, FamiliesDecideWhatFallsThrough) {
       m.bodies[0].name = z > 0 ? "upper" : "lower";
       m.bodies[0].cluster.centers[0] = m.bodies[0].cluster.mass.center;
       m.bodies[0].pose.translation() = Vector(0, 0, z) - m.bodies[0].cluster.mass.center;
-      std::string xml = text(m, "part.xml");
-      const auto from = xml.find("<worldbody>\n") + 12, to = xml.find("  </worldbody>");
-      xml = xml.substr(from, to - from);
+      std::string xml = in_world(text(m, "part.xml"));
       if (z == 0) xml.erase(xml.find("<freejoint/>"), 12);
       bodies += xml;
     }
     load_xml("<mujoco><worldbody>\n" + bodies + "</worldbody></mujoco>");
     for (int step = 0; step < 1000; step++) mj_step(m_, d_);
-    const int upper = mj_name2id(m_, mjOBJ_BODY, "upper");
+    const int upper = loaded_->id(mjOBJ_BODY, "upper");
     const double fallen = 0.5 - d_->xipos[3 * upper + 2];
     EXPECT_EQ(fallen < 1, may_touch(a, b)) << a.family << " " << b.family << " " << fallen;
-    unload();
   }
 }
 
@@ -212,7 +194,7 @@ TEST_F(MujocoTest, ARobotMeetsWhatIsOutsideIt) {
   robot.urdf = "<robot name='arm'/>";  // as one that was read: its families are about its links alone
   const std::string xml = text(robot, "robot.xml");
   EXPECT_EQ(xml.find("contype=\"2\""), std::string::npos);
-  EXPECT_NE(xml.find("<exclude body1=\"base\" body2=\"upper\"/>"), std::string::npos);
+  EXPECT_TRUE(holds(xml, "<exclude body1=\"base\" body2=\"upper\"/>"));
   load(robot);
   EXPECT_EQ(touching_bodies().count({0, 1}), 0u);
 }
@@ -221,8 +203,7 @@ TEST_F(MujocoTest, ARobotsJoints) {
   load(arm());
   EXPECT_EQ(m_->nbody, 6);
   EXPECT_EQ(m_->nv, 6 + 2);  // free root (no URDF behind it), one hinge, one slide
-  const int hinge = mj_name2id(m_, mjOBJ_JOINT, "upper_joint"),
-            slide = mj_name2id(m_, mjOBJ_JOINT, "finger_joint");
+  const int hinge = loaded_->id(mjOBJ_JOINT, "upper_joint"), slide = loaded_->id(mjOBJ_JOINT, "finger_joint");
   EXPECT_EQ(m_->jnt_type[hinge], mjJNT_HINGE);
   EXPECT_EQ(m_->jnt_type[slide], mjJNT_SLIDE);
   EXPECT_EQ(m_->jnt_range[2 * slide], -0.5);
@@ -254,9 +235,9 @@ TEST_F(MujocoTest, MimicDampingFrictionAndMotors) {
   load(m);
   ASSERT_EQ(m_->neq, 1);
   ASSERT_EQ(m_->nu, 2);  // not of the follower
-  const int finger = mj_name2id(m_, mjOBJ_JOINT, "finger_joint"),
-            follower = mj_name2id(m_, mjOBJ_JOINT, "other_joint"),
-            motor = mj_name2id(m_, mjOBJ_ACTUATOR, "finger_joint");
+  const int finger = loaded_->id(mjOBJ_JOINT, "finger_joint"),
+            follower = loaded_->id(mjOBJ_JOINT, "other_joint"),
+            motor = loaded_->id(mjOBJ_ACTUATOR, "finger_joint");
   ASSERT_GE(motor, 0);
   EXPECT_EQ(m_->dof_damping[m_->jnt_dofadr[finger]], 700);
   EXPECT_EQ(m_->dof_frictionloss[m_->jnt_dofadr[finger]], 3);
@@ -281,7 +262,7 @@ TEST_F(MujocoTest, PairsBeyondEveryFamilyAreExcluded) {
   load(m);
   for (const auto& [a, b] : touching_bodies()) EXPECT_TRUE(a % 3 == 1 && b % 3 == 1) << a << " " << b;
   EXPECT_GT(touching_bodies().size(), 0u);
-  EXPECT_NE(text(m, "h.srdf").find("reason=\"Never\""), std::string::npos);
+  EXPECT_TRUE(holds(text(m, "h.srdf"), "reason=\"Never\""));
   m.apart = {{0, 1}};
   EXPECT_THROW(write(m, "h.h", "chrono"), Error);  // before a link is padded: check_filters
 }
@@ -291,7 +272,7 @@ TEST_F(MujocoTest, MomentsThatNoBodyHasAreBalanced) {
   Model m = arm();
   m.bodies[1].inertial = Inertial{2, Point(0, 0, 0.1), Vector(1, 1, 7).asDiagonal()};
   load(m);
-  const int upper = mj_name2id(m_, mjOBJ_BODY, "upper");
+  const int upper = loaded_->id(mjOBJ_BODY, "upper");
   EXPECT_EQ(m_->body_mass[upper], 2);
   for (int k = 0; k < 3; k++) EXPECT_NEAR(m_->body_inertia[3 * upper + k], 3, 1e-9);
   EXPECT_EQ(text(arm(), "a.xml").find("balanceinertia"), std::string::npos);
@@ -304,12 +285,11 @@ TEST_F(MujocoTest, MassesWithoutMomentsAreTaken) {
     const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.5, Vector(1, 2, 3).normalized()).toRotationMatrix();
     m.bodies[1].inertial = Inertial{2, Point(0, 0, 0.1), turn * moments.asDiagonal() * turn.transpose()};
     load(m);
-    const int upper = mj_name2id(m_, mjOBJ_BODY, "upper");
+    const int upper = loaded_->id(mjOBJ_BODY, "upper");
     EXPECT_EQ(m_->body_mass[upper], 2);
     double largest = 0;
     for (int k = 0; k < 3; k++) largest = std::max(largest, m_->body_inertia[3 * upper + k]);
     EXPECT_NEAR(largest, moments.maxCoeff(), 1e-6);
-    unload();
   }
 }
 
@@ -326,7 +306,6 @@ TEST_F(MujocoTest, EveryTypeOfJointAndNoMassAtAll) {
         if (stated && b.parent >= 0) b.inertial = Inertial{};
       load(m);
       EXPECT_EQ(m_->nv, ways + 1);
-      unload();
     }
   }
 }

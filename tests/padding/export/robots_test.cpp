@@ -78,7 +78,7 @@ TEST_F(RobotsTest, UrdfHasTrueMassAndThePairsBesideIt) {
   for (const char* pair :
        {"link1=\"base\" link2=\"upper\"", "link1=\"base\" link2=\"hand\"", "link1=\"upper\" link2=\"hand\"",
         "link1=\"upper\" link2=\"finger\"", "link1=\"hand\" link2=\"finger\""})
-    EXPECT_NE(srdf.find(pair), std::string::npos) << pair;
+    EXPECT_TRUE(holds(srdf, pair)) << pair;
   EXPECT_EQ(srdf.find("link1=\"base\" link2=\"finger\""), std::string::npos);
   EXPECT_EQ(srdf.find("frame"), std::string::npos);
 }
@@ -96,13 +96,13 @@ TEST_F(RobotsTest, CheckUrdfAcceptsIt) {
   for (const Model& m : {arm(), model_of(brick())}) {
     const Ran r = run("check_urdf '" + write(m, "a.urdf").string() + "'");
     EXPECT_EQ(r.status, 0) << r.output;
-    EXPECT_NE(r.output.find("robot name is: " + m.name), std::string::npos) << r.output;
+    EXPECT_TRUE(holds(r.output, "robot name is: " + m.name));
   }
   Model loose = arm();  // two roots: a world is put under them
   loose.bodies[3].parent = -1;
   const Ran r = run("check_urdf '" + write(loose, "a.urdf").string() + "'");
   EXPECT_EQ(r.status, 0) << r.output;
-  EXPECT_NE(r.output.find("root Link: world has 2 child"), std::string::npos) << r.output;
+  EXPECT_TRUE(holds(r.output, "root Link: world has 2 child"));
 }
 
 TEST_F(RobotsTest, ABallJointThatFloatsInAUrdfIsTold) {
@@ -110,10 +110,8 @@ TEST_F(RobotsTest, ABallJointThatFloatsInAUrdfIsTold) {
   m.bodies[1].joint.type = Joint::Type::ball;
   const auto warnings = write_model(m, folder_ / "a.urdf", find_format("a.urdf"));
   ASSERT_EQ(warnings.size(), 2u);
-  EXPECT_NE(warnings[1].find("set effort and velocity of finger_joint"), std::string::npos) << warnings[1];
-  EXPECT_NE(warnings[0].find(m.bodies[1].joint.name + " and any other one are floating joints"),
-            std::string::npos)
-      << warnings[0];
+  EXPECT_TRUE(holds(warnings[1], "set effort and velocity of finger_joint"));
+  EXPECT_TRUE(holds(warnings[0], m.bodies[1].joint.name + " and any other one are floating joints"));
   EXPECT_TRUE(write_model(m, folder_ / "a.xml", find_format("a.xml")).empty());
 }
 
@@ -127,10 +125,8 @@ TEST_F(RobotsTest, MissingNumbersAreFilled) {
               "'><inertial><mass value='1'/><inertia ixx='1' iyy='2' izz='3'/></inertial></link>";
   m.urdf += "<joint name='j'><limit lower='-1'/></joint></robot>";
   const std::string out = text(m, "o.urdf");
-  EXPECT_NE(out.find("<inertia ixx=\"1\" iyy=\"2\" izz=\"3\" ixy=\"0\" ixz=\"0\" iyz=\"0\""),
-            std::string::npos)
-      << out;
-  EXPECT_NE(out.find("<limit lower=\"-1\" effort=\"1e+06\" velocity=\"1e+06\""), std::string::npos) << out;
+  EXPECT_TRUE(holds(out, "<inertia ixx=\"1\" iyy=\"2\" izz=\"3\" ixy=\"0\" ixz=\"0\" iyz=\"0\""));
+  EXPECT_TRUE(holds(out, "<limit lower=\"-1\" effort=\"1e+06\" velocity=\"1e+06\""));
 }
 
 // 0 would let a joint have no speed and no force.
@@ -139,8 +135,8 @@ TEST_F(RobotsTest, UnknownLimitsOfAUrdfLimitNothing) {
   m.bodies[1].joint.effort = 3;
   m.bodies[4].joint.lower = Joint().lower, m.bodies[4].joint.upper = Joint().upper;
   const std::string out = text(m, "o.urdf");
-  EXPECT_NE(out.find("upper=\"0.25\" effort=\"3\" velocity=\"1e+06\""), std::string::npos) << out;
-  EXPECT_NE(out.find("<limit lower=\"-1e+06\" upper=\"1e+06\" effort=\"1e+06\""), std::string::npos) << out;
+  EXPECT_TRUE(holds(out, "upper=\"0.25\" effort=\"3\" velocity=\"1e+06\""));
+  EXPECT_TRUE(holds(out, "<limit lower=\"-1e+06\" upper=\"1e+06\" effort=\"1e+06\""));
 }
 
 TEST_F(RobotsTest, CuroboNamesAUrdfThatItCanRead) {
@@ -151,8 +147,7 @@ TEST_F(RobotsTest, CuroboNamesAUrdfThatItCanRead) {
                                           {"a.urdf.xacro", "b.urdf", "b.urdf"}}) {
     m.file = file;
     const auto warnings = write_model(m, folder_ / "o.yaml", find_format("o.yaml"), {.urdf = urdf});
-    EXPECT_NE(read_file(folder_ / "o.yaml").find("urdf_path: \"" + std::string(named) + "\"\n"),
-              std::string::npos)
+    EXPECT_TRUE(holds(read_file(folder_ / "o.yaml"), "urdf_path: \"" + std::string(named) + "\"\n"))
         << file << " " << urdf;
     EXPECT_EQ(warnings.size(), std::string(file) == "a.xml" ? 1u : 0u);
   }
@@ -299,8 +294,7 @@ TEST_F(RobotsTest, HostileFilesEndInAShortSentence) {
   for (const auto& [file, content, words] : table) {
     write_file(folder_ / file, content);
     const std::string sentence = error_of([&, name = file] { read_spheres(folder_ / name); });
-    EXPECT_NE(sentence.find(words), std::string::npos) << content.substr(0, 200) << "\n"
-                                                       << sentence.substr(0, 400);
+    EXPECT_TRUE(holds(sentence, words)) << content.substr(0, 200) << "\n" << sentence.substr(0, 400);
     EXPECT_LT(sentence.size(), 300u + folder_.string().size());
   }
   const std::string two =

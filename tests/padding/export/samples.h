@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 
@@ -24,10 +25,10 @@ inline Cluster brick() {
   c.unit = "m";
   c.program = "padder test";
   c.source.file = "brick.obj";
-  Mesh mesh = shapes::box({-0.3, -0.2, -0.1}, {0.3, 0.2, 0.1});
   const Eigen::Isometry3d place =
       Eigen::Translation3d(1, 2, 3) * Eigen::AngleAxisd(0.7, Vector(1, 2, 3).normalized());
-  for (Point& p : mesh.points) p = place * p;
+  const Mesh mesh =
+      shapes::moved(shapes::box({-0.3, -0.2, -0.1}, {0.3, 0.2, 0.1}), place.linear(), place.translation());
   c.bounds = mesh.bounds();
   c.mass = mass_properties(mesh);
   for (const double x : {-0.2, 1 / 30., 0.2}) {
@@ -70,6 +71,12 @@ inline Model arm() {
   family(0, 1, 0b010), family(1, 2, 0b101), family(3, 2, 0b101), family(4, 3, 0b010);
   return m;
 }
+
+inline Body body_of(const Model& model, const std::string& name) {
+  return *std::ranges::find(model.bodies, name, &Body::name);
+}
+
+const std::string kTet = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
 
 class ExportTest : public testing::Test, protected TemporaryFolder {
  protected:

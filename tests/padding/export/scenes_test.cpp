@@ -6,6 +6,7 @@
 #include <set>
 
 #include "padding/asset/error.h"
+#include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {
@@ -227,7 +228,7 @@ TEST_F(ScenesTest, MeshFilesShowTheUnionFromOutside) {
       }
       EXPECT_NEAR(ray(from, along), first, 0.05 * c.radii[k]);
     }
-  EXPECT_NE(ply.find("element face " + std::to_string(count) + "\n"), std::string::npos);
+  EXPECT_TRUE(holds(ply, "element face " + std::to_string(count) + "\n"));
   EXPECT_EQ(std::count(obj.begin(), obj.end(), 'f') - 0,
             long(count) + long(obj.find("from brick.obj") != std::string::npos));
 }
@@ -265,8 +266,8 @@ def Xform "_2nd_brick" (
 
 TEST_F(ScenesTest, UsdFiltersPairsAndBracesClose) {
   const std::string usd = text(arm(), "arm.usda");
-  EXPECT_NE(usd.find("rel physics:filteredPairs = [</arm/upper>, </arm/hand>]"), std::string::npos);
-  EXPECT_NE(usd.find("rel physics:filteredPairs = [</arm/finger>]"), std::string::npos);
+  EXPECT_TRUE(holds(usd, "rel physics:filteredPairs = [</arm/upper>, </arm/hand>]"));
+  EXPECT_TRUE(holds(usd, "rel physics:filteredPairs = [</arm/finger>]"));
   EXPECT_EQ(std::count(usd.begin(), usd.end(), '{'), std::count(usd.begin(), usd.end(), '}'));
   std::size_t spheres = 0;
   for (std::size_t at = 0; (at = usd.find("def Sphere", at)) != std::string::npos; at++) spheres++;
@@ -282,9 +283,9 @@ TEST_F(ScenesTest, TheWorldOfARobotIsNoBodyInUsd) {
                                        usd.find("def Xform \"upper\"") - usd.find("def Xform \"world\""));
   EXPECT_EQ(world.find("RigidBodyAPI"), std::string::npos) << world;
   EXPECT_EQ(world.find("physics:mass"), std::string::npos) << world;
-  EXPECT_NE(world.find("PhysicsFilteredPairsAPI"), std::string::npos) << world;
+  EXPECT_TRUE(holds(world, "PhysicsFilteredPairsAPI"));
   EXPECT_EQ(usd.find("physics:body0 = </arm/world>"), std::string::npos);
-  EXPECT_NE(usd.find("physics:body0 = </arm/upper>"), std::string::npos);
+  EXPECT_TRUE(holds(usd, "physics:body0 = </arm/upper>"));
 }
 
 }  // namespace

@@ -35,8 +35,7 @@ TEST(Medial, SphereGivesItsInscribedBall) {
 
 TEST(Medial, BallSitsOnAWallThatIsThinnerThanTheTolerance) {
   const Mesh outer = shapes::sphere(4);
-  Mesh inner = outer;
-  for (Point& p : inner.points) p *= 1 - 1e-4;
+  const Mesh inner = shapes::scaled(outer, 1 - 1e-4);
   const Surface shell(shapes::joined(outer, shapes::turned_over(inner)));
   for (const double guess : {0.0, 0.05, 2.0})
     for (const double side : {1.0, -1.0}) {
@@ -87,16 +86,15 @@ TEST(Medial, PostconditionHoldsForAnyNormal) {
 
 // Noise of half an edge tilts the triangles by some 45 degrees.
 TEST(Medial, ARoughSurfaceGivesTheBallsOfTheBody) {
-  Mesh mesh = shapes::torus(1, 0.3, 400, 120);
   shapes::RandomInput random(5);
-  for (Point& p : mesh.points) p += 0.008 * random.direction();
+  const Mesh mesh = shapes::roughened(shapes::torus(1, 0.3, 400, 120), 0.008, random);
   const Surface surface(mesh, SideBy::winding);
   int large = 0;
   constexpr int tried = 500;
   for (std::size_t k = 0; k < tried; k++) {
     const std::size_t t = k * mesh.triangles.size() / tried;
-    const Point p = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
-    large += inner_medial_ball(surface, p, mesh.area_normal(t).normalized(), 3, 0.01).radius > 0.25;
+    large +=
+        inner_medial_ball(surface, mesh.middle(t), mesh.area_normal(t).normalized(), 3, 0.01).radius > 0.25;
   }
   EXPECT_GT(large, 0.3 * tried);  // 2 % of the balls below these points are so large
 }

@@ -23,7 +23,8 @@ Point on_segment(const Point& p, const Point& a, const Point& b) {
   return a + std::clamp((p - a).dot(ab) / length, 0.0, 1.0) * ab;
 }
 
-Point on_triangle(const Point& p, const Point& a, const Point& b, const Point& c) {
+Point on_triangle(const Point& p, const std::array<Point, 3>& corners) {
+  const auto& [a, b, c] = corners;
   const Vector n = (b - a).cross(c - a);
   if (n.squaredNorm() > 0) {
     const Point foot = p - n.dot(p - a) / n.squaredNorm() * n;
@@ -40,14 +41,12 @@ Point on_triangle(const Point& p, const Point& a, const Point& b, const Point& c
 double brute_force(const Mesh& mesh, const Point& p) {
   double nearest = std::numeric_limits<double>::infinity();
   for (std::size_t t = 0; t < mesh.triangles.size(); t++)
-    nearest = std::min(nearest,
-                       (on_triangle(p, mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)) - p).norm());
+    nearest = std::min(nearest, (on_triangle(p, mesh.corners(t)) - p).norm());
   return nearest;
 }
 
 TEST(Surface, ClearanceIsThatOfBruteForceWithEachTrianglesStandoff) {
   for (std::uint64_t seed = 1; seed <= 20; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     const int n = seed < 4 ? static_cast<int>(seed) : 300;
     const Mesh mesh = shapes::random_soup(random, n, 1, seed % 2 ? 0.1 : 0.5);
@@ -58,9 +57,7 @@ TEST(Surface, ClearanceIsThatOfBruteForceWithEachTrianglesStandoff) {
       const Point p = random.point(1.5);
       double least = std::numeric_limits<double>::infinity();
       for (std::size_t t = 0; t < mesh.triangles.size(); t++)
-        least = std::min(
-            least, (on_triangle(p, mesh.corner(t, 0), mesh.corner(t, 1), mesh.corner(t, 2)) - p).norm() -
-                       standoff[t]);
+        least = std::min(least, (on_triangle(p, mesh.corners(t)) - p).norm() - standoff[t]);
       const Nearest clear = surface.clearance(p);
       EXPECT_NEAR(clear.distance, least, 1e-12);
       EXPECT_NEAR((clear.point - p).norm(), std::max(0.0, least), 1e-12);
@@ -74,8 +71,7 @@ TEST(Surface, ClearanceIsThatOfBruteForceWithEachTrianglesStandoff) {
 
 TEST(Surface, AHullSaysWhatIsInsideAndItsStandoffComesOff) {
   const Mesh ball = shapes::sphere(4);
-  Mesh around = ball;
-  for (Point& p : around.points) p *= 1.1;
+  const Mesh around = shapes::scaled(ball, 1.1);
   const auto hull = std::make_shared<const Surface>(around, SideBy::pseudonormal,
                                                     std::vector<double>(around.triangles.size(), 0.1));
   Mesh turned = ball;  // every second triangle
@@ -102,16 +98,13 @@ void compare(const Mesh& mesh, RandomInput& random, int questions) {
   const double diagonal = mesh.bounds().diagonal();
   for (int k = 0; k < questions; k++) {
     Point p = mesh.bounds().center() + random.point(diagonal);
-    if (k % 4 == 0)
-      p = mesh.points[static_cast<std::size_t>(random.uniform(0, 1) *
-                                               static_cast<double>(mesh.points.size()))];
+    if (k % 4 == 0) p = mesh.points[random.below(mesh.points.size())];
     const double distance = brute_force(mesh, p), slack = 1e-12 * (diagonal + p.norm());
     const Nearest n = surface.nearest(p);
     ASSERT_NEAR(n.distance, distance, slack);
     ASSERT_NEAR((n.point - p).norm(), n.distance, slack);
     ASSERT_LT(n.triangle, mesh.triangles.size());
-    const Point on = on_triangle(n.point, mesh.corner(n.triangle, 0), mesh.corner(n.triangle, 1),
-                                 mesh.corner(n.triangle, 2));
+    const Point on = on_triangle(n.point, mesh.corners(n.triangle));
     ASSERT_NEAR((on - n.point).norm(), 0, slack);  // it is a point of the triangle it names
     ASSERT_NEAR(std::abs(surface.signed_nearest(p).distance), distance, slack);
     if (distance <= 10 * slack) continue;
@@ -124,7 +117,6 @@ void compare(const Mesh& mesh, RandomInput& random, int questions) {
 
 TEST(Surface, AgreesWithBruteForceOnSoups) {
   for (std::uint64_t seed = 1; seed <= 12; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     const int sizes[] = {1, 2, 3, 5, 17, 60, 200, 400};
     compare(shapes::random_soup(random, sizes[seed % 8], 1, seed % 3 ? 0.3 : 0.01), random, 60);
@@ -133,10 +125,8 @@ TEST(Surface, AgreesWithBruteForceOnSoups) {
 
 TEST(Surface, AgreesWithBruteForceOnBodiesFarFromTheOrigin) {
   for (std::uint64_t seed = 21; seed <= 23; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
-    Mesh mesh = shapes::blob(random, 3);
-    for (Point& p : mesh.points) p = 0.01 * p + Point(1000, -2000, 500);
+    const Mesh mesh = shapes::moved(shapes::scaled(shapes::blob(random, 3), 0.01), {1000, -2000, 500});
     compare(mesh, random, 60);
   }
 }
@@ -145,17 +135,14 @@ TEST(Surface, AllOnePointOrLineOrPlane) {
   RandomInput random(31);
   Mesh flat = shapes::square(1, 8);
   compare(flat, random, 60);
-  Mesh same;
-  same.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  Mesh same{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {}};
   same.triangles.assign(100, {0, 1, 2});
   compare(same, random, 60);
 }
 
 TEST(Surface, TrianglesWithoutAreaAreTheirSegmentOrPoint) {
   RandomInput random(41);
-  Mesh mesh;
-  mesh.points = {{0, 0, 0}, {1, 0, 0}, {3, 0, 0}, {0, 5, 0}};
-  mesh.triangles = {{0, 1, 2}, {3, 3, 3}, {0, 0, 1}, {2, 0, 1}};
+  const Mesh mesh{{{0, 0, 0}, {1, 0, 0}, {3, 0, 0}, {0, 5, 0}}, {{0, 1, 2}, {3, 3, 3}, {0, 0, 1}, {2, 0, 1}}};
   compare(mesh, random, 200);
   const Surface surface(mesh);
   EXPECT_DOUBLE_EQ(surface.nearest({2, 0, 1}).distance, 1);
@@ -183,18 +170,15 @@ long double distance_in_long_double(const Point& p, const Mesh& mesh) {
 
 TEST(Surface, DistancesToNeedlesAreRight) {
   for (std::uint64_t seed = 1; seed <= 2000; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     const double width = std::pow(10, -random.uniform(1, 8));
     const Vector along = random.direction(), across = along.unitOrthogonal(), up = along.cross(across);
-    Mesh mesh;
-    mesh.points = {random.point(0.5), {}, {}};
+    Mesh mesh{{random.point(0.5), {}, {}}, {{0, 1, 2}}};
     const double third =
         seed % 5 == 0 ? width * random.uniform(-1, 1) : random.uniform(0, 1);  // a short side
     mesh.points[1] = mesh.points[0] + along, mesh.points[2] = mesh.points[0] + third * along;
     mesh.points[1 + seed % 2] += width * across;
     std::swap(mesh.points[0], mesh.points[seed % 3]);  // the sharp angle at each corner in turn
-    mesh.triangles = {{0, 1, 2}};
     const Surface surface(mesh);
     for (int k = 0; k < 20; k++) {
       const Point p = mesh.points[0] + random.uniform(-1.2, 1.2) * along +
@@ -240,10 +224,10 @@ TEST(Surface, RaysCountEachNeedleOnce) {
   Mesh rods;
   RandomInput random(4);
   for (int k = 0; k < 8; k++) {
-    Mesh rod = shapes::box({-10, -0.1, -0.1}, {10, 0.1, 0.1});
-    const Vector x = random.direction(), y = x.unitOrthogonal(), z = x.cross(y);
-    for (Point& p : rod.points) p = p.x() * x + p.y() * y + p.z() * z;
-    rods = joined(rods, rod);
+    Eigen::Matrix3d axes;
+    axes.col(0) = random.direction(), axes.col(1) = axes.col(0).unitOrthogonal();
+    axes.col(2) = axes.col(0).cross(axes.col(1));
+    rods.add(shapes::moved(shapes::box({-10, -0.1, -0.1}, {10, 0.1, 0.1}), axes, Vector::Zero()));
   }
   const Surface surface(rods, SideBy::winding);
   ASSERT_GT(surface.needle_parts(), 4 * rods.triangles.size());
@@ -282,21 +266,18 @@ Mesh hedgehog(RandomInput& random) {
 
 TEST(Surface, TheSignIsThatOfTheWindingNumber) {
   for (std::uint64_t seed = 51; seed <= 58; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
-    Mesh mesh = seed % 4 == 0   ? shapes::box({-0.5, -0.1, -0.9}, {0.5, 0.1, 0.9}, 2)
+    Mesh body = seed % 4 == 0   ? shapes::box({-0.5, -0.1, -0.9}, {0.5, 0.1, 0.9}, 2)
                 : seed % 4 == 1 ? shapes::torus(0.7, 0.25, 24, 12)
                 : seed % 4 == 2 ? shapes::blob(random, 3)
                                 : hedgehog(random);
-    const Eigen::Matrix3d turn = random.rotation();
-    for (Point& p : mesh.points) p = turn * p;
+    const Mesh mesh = shapes::moved(body, random.rotation(), Vector::Zero());
     const Surface surface(mesh);
     int inside = 0;
     for (int k = 0; k < 400; k++) {
       Point p = random.point(1.2);
       if (k % 2) {  // close to a corner or an edge, where the sign is decided by the pseudonormal
-        const auto t =
-            static_cast<std::size_t>(random.uniform(0, 1) * static_cast<double>(mesh.triangles.size()));
+        const std::size_t t = random.below(mesh.triangles.size());
         const double s = k % 4 == 1 ? 0 : random.uniform(0, 1);
         p = (1 - s) * mesh.corner(t, 0) + s * mesh.corner(t, 1) +
             random.uniform(1e-6, 0.02) * random.direction();
@@ -335,9 +316,7 @@ TEST(Surface, BelowASheetIsInside) {
 // A cube, and a fin beside it that has a thickness: the body is both together.
 TEST(Surface, ABodyIsAsFarAsItsThickSheetIs) {
   const Mesh cube = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
-  Mesh fin;
-  fin.points = {{0.5, 0.1, -0.3}, {0.9, 0.1, -0.3}, {0.9, 0.1, 0.3}, {0.5, 0.1, 0.3}};
-  fin.triangles = {{0, 1, 2}, {0, 2, 3}};
+  const Mesh fin = shapes::fin({0.5, 0.1, -0.3}, {0.9, 0.1, 0.3});
   constexpr double half = 0.15;
   Surface surface(joined(cube, fin), SideBy::winding, std::make_shared<const Surface>(cube));
   surface.set_sheet(cube.triangles.size(), 2 * half);

@@ -3,42 +3,41 @@
 #include "padding/meshing/mend.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <algorithm>
 #include <functional>
+#include <set>
 
 #include "padding/by_tolerance/cull.h"
 #include "padding/geometry/random.h"
 #include "padding/geometry/triangle.h"
 #include "padding/meshing/repair.h"
 #include "padding/verify/certify.h"
+#include "tests/error_of.h"
 #include "tests/padding/random_input.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
 
-using shapes::RandomInput, shapes::joined, shapes::turned_over, shapes::winding, shapes::with_corners_off;
-
-Mesh moved(Mesh mesh, const Eigen::Matrix3d& by, const Vector& to) {
-  for (Point& p : mesh.points) p = by * p + to;
-  return mesh;
-}
-
-// Without the triangles for which all corners satisfy `gone`.
-Mesh without(Mesh mesh, const std::function<bool(const Point&)>& gone) {
-  std::erase_if(mesh.triangles, [&](const auto& t) {
-    return std::all_of(t.begin(), t.end(), [&](auto v) { return gone(mesh.points[v]); });
-  });
-  return mesh;
-}
+using shapes::RandomInput, shapes::in_box, shapes::joined, shapes::mapped, shapes::moved, shapes::roughened,
+    shapes::scaled, shapes::turned_over, shapes::winding, shapes::with_corners_off, shapes::without;
 
 const Mesh kCube = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
+const Mesh kOpenCube = without(kCube, [](const Point& p) { return p.z() == 1; });
+
+// n^3 unit cubes side by side, without some.
+Mesh cells(int n, int parts, const std::set<int>& gone = {}) {
+  Mesh mesh;
+  for (int k = 0; k < n * n * n; k++) {
+    const Point low(k % n, k / n % n, k / n / n);
+    if (!gone.contains(k)) mesh.add(shapes::box(low, low + Vector(1, 1, 1), parts));
+  }
+  return mesh;
+}
 
 Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
-  RepairOptions options;
-  options.mode = mode;
-  return mend(mesh, options).value();
+  return mend(mesh, {.mode = mode}).value();
 }
 
 double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
@@ -49,7 +48,6 @@ using Inside = std::function<bool(const Point&)>;
 // The body is where `inside` says, and the surface has all of its boundary: no ball around a point that
 // reaches to the surface holds points of the other side.
 void expect_body(const Repaired& r, const Inside& inside, std::uint64_t seed, int points = 300) {
-  SCOPED_TRACE("seed " + std::to_string(seed));
   RandomInput random(seed);
   const Surface surface = r.surface();
   ASSERT_TRUE(surface.closed());
@@ -59,8 +57,7 @@ void expect_body(const Repaired& r, const Inside& inside, std::uint64_t seed, in
   EXPECT_LT(flux.norm(), 1e-9);
   const Box box = surface.bounds();
   for (int k = 0; k < points; k++) {
-    Point p;
-    for (int axis = 0; axis < 3; axis++) p[axis] = random.uniform(box.low[axis], box.high[axis]);
+    const Point p = random.in(box);
     const Nearest at = surface.signed_nearest(p);
     EXPECT_EQ(at.distance < 0, inside(p));
     for (int j = 0; j < 20; j++) {
@@ -73,16 +70,8 @@ void expect_body(const Repaired& r, const Inside& inside, std::uint64_t seed, in
 double sampled_volume(const Box& box, const Inside& inside, std::uint64_t seed, int points) {
   RandomInput random(seed);
   int hits = 0;
-  for (int k = 0; k < points; k++) {
-    Point p;
-    for (int axis = 0; axis < 3; axis++) p[axis] = random.uniform(box.low[axis], box.high[axis]);
-    hits += inside(p);
-  }
+  for (int k = 0; k < points; k++) hits += inside(random.in(box));
   return (box.high - box.low).prod() * hits / points;
-}
-
-bool in_box(const Point& p, const Point& low, const Point& high) {
-  return (p.array() > low.array()).all() && (p.array() < high.array()).all();
 }
 
 TEST(Mend, CubesThatShareAFaceAnEdgeOrACornerAreOneBody) {
@@ -91,7 +80,7 @@ TEST(Mend, CubesThatShareAFaceAnEdgeOrACornerAreOneBody) {
     // Turned walls would lie apart by rounding.
     const bool wall = step.x() == 1 && step.y() < 1;
     const Eigen::Matrix3d turn = wall ? Eigen::Matrix3d::Identity() : random.rotation();
-    const Mesh both = moved(joined(kCube, moved(kCube, Eigen::Matrix3d::Identity(), step)), turn, {3, 1, 2});
+    const Mesh both = moved(joined(kCube, moved(kCube, step)), turn, {3, 1, 2});
     const Repaired r = mended(both);
     EXPECT_EQ(r.kind, BodyKind::solid);
     EXPECT_EQ(r.sheet, 0u);
@@ -120,16 +109,12 @@ TEST(Mend, ACubeInACubeIsACavityWhicheverWayItFaces) {
 TEST(Mend, ACavityInARepeatedBodyOrWithAScrapThroughItsWall) {
   const Mesh inner = turned_over(shapes::box({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75}, 2));
   const Mesh hollow = joined(kCube, inner);
-  const auto by = [](const Mesh& mesh, double x) {
-    return moved(mesh, Eigen::Matrix3d::Identity(), {x, 0, 0});
-  };
   // Of the two copies, only some triangles are equal, so that each piece has both.
   Mesh some = hollow;
   some.triangles.erase(some.triangles.begin(), some.triangles.begin() + 4);
-  for (const Mesh& mesh : {joined(hollow, by(hollow, 1e-6)), joined(hollow, some)})
+  for (const Mesh& mesh : {joined(hollow, moved(hollow, {1e-6, 0, 0})), joined(hollow, some)})
     EXPECT_NEAR(volume(mended(mesh)), 1 - 0.125, 1e-4);
-  Mesh scrap;
-  scrap.points = {{0.1, 0.4, 0.4}, {0.5, 0.4, 0.4}, {0.5, 0.5, 0.4}}, scrap.triangles = {{0, 1, 2}};
+  const Mesh scrap{{{0.1, 0.4, 0.4}, {0.5, 0.4, 0.4}, {0.5, 0.5, 0.4}}, {{0, 1, 2}}};
   for (const Mesh& mesh : {hollow, turned_over(hollow), joined(kCube, turned_over(inner))})
     EXPECT_NEAR(volume(mended(joined(mesh, scrap))), 1 - 0.125, 1e-9);
 }
@@ -169,11 +154,7 @@ TEST(Mend, ACubeInACavityIsSolidAndRepeatedPiecesCountOnce) {
 // Levels of detail in one file: each coarser ball lies within the finer one, with its corners on it or a
 // little below it.
 TEST(Mend, CoarserLevelsOfDetailWithinABodyAreNoCavities) {
-  const auto level = [](int n, double scale) {
-    Mesh ball = shapes::sphere(n);
-    for (Point& p : ball.points) p *= scale;
-    return ball;
-  };
+  const auto level = [](int n, double scale) { return scaled(shapes::sphere(n), scale); };
   const Mesh fine = level(4, 1);
   for (const double inset : {1.0, 0.99, 0.97}) {
     const Repaired r = mended(joined(joined(fine, level(3, inset)), level(2, inset * inset)));
@@ -195,8 +176,7 @@ TEST(Mend, CoarserLevelsOfDetailWithinABodyAreNoCavities) {
 TEST(Mend, AThinWallWhoseInnerShellFacesOutwardIsHollow) {
   for (const Mesh& outer : {shapes::sphere(4), shapes::box({-1, -1, -1}, {1, 1, 1}, 3)})
     for (const double thickness : {0.01, 0.001}) {
-      Mesh inner = outer;
-      for (Point& p : inner.points) p *= 1 - thickness;
+      const Mesh inner = scaled(outer, 1 - thickness);
       const Repaired r = mended(joined(outer, inner));
       EXPECT_EQ(r.steps.copies, 0u);
       EXPECT_NEAR(volume(r), volume(outer) - volume(inner), 1e-9);
@@ -204,8 +184,7 @@ TEST(Mend, AThinWallWhoseInnerShellFacesOutwardIsHollow) {
       EXPECT_NEAR(volume(repair(joined(outer, inner), {}, "wall")), volume(outer) - volume(inner), 1e-9);
     }
   // Nearer, it is a copy.
-  Mesh copy = kCube;
-  for (Point& p : copy.points) p = Point(0.5, 0.5, 0.5) + (1 - 1e-5) * (p - Point(0.5, 0.5, 0.5));
+  const Mesh copy = shapes::box(Point(5e-6, 5e-6, 5e-6), Point(1 - 5e-6, 1 - 5e-6, 1 - 5e-6), 2);
   const Repaired r = mended(joined(kCube, copy));
   EXPECT_EQ(r.steps.copies, 1u);
   EXPECT_NEAR(volume(r), 1, 1e-12);
@@ -219,7 +198,7 @@ TEST(Mend, APieceThatFacesInwardIsTurnedUnlessItIsACavity) {
   EXPECT_EQ(r.steps.cavities, 1u);
   EXPECT_NEAR(volume(r), 1 + 2 * 0.5 * 0.04 - 0.008, 1e-12);
   const Repaired all = repair(turned_over(joined(kCube, post)), {}, "inside out");
-  EXPECT_NE(all.report.find("turned 2 closed pieces that faced inward"), std::string::npos) << all.report;
+  EXPECT_TRUE(holds(all.report, "turned 2 closed pieces that faced inward"));
 }
 
 TEST(Mend, RandomBoxesBecomeTheirUnion) {
@@ -238,7 +217,7 @@ TEST(Mend, RandomBoxesBecomeTheirUnion) {
       Placed b{k % 2 ? random.rotation() : Eigen::Matrix3d::Identity(), Vector(size, size, size) * 0.5,
                random.point(0.5)};
       if (k % 2 == 0) b.at = (b.at / size * 4).array().round().matrix() * size / 4;
-      mesh = joined(mesh, moved(shapes::box(-b.half, b.half), b.turn, b.at));
+      mesh.add(moved(shapes::box(-b.half, b.half), b.turn, b.at));
       boxes.push_back(b);
     }
     const Inside inside = [&](const Point& p) {
@@ -249,11 +228,11 @@ TEST(Mend, RandomBoxesBecomeTheirUnion) {
     const Repaired r = mended(mesh, RepairMode::united);
     expect_body(r, inside, seed);
     // Three standard deviations of the sample; compilers order the draws of a box differently.
-    EXPECT_NEAR(volume(r) / sampled_volume(mesh.bounds(), inside, seed, 200000), 1, 0.01) << "seed " << seed;
+    EXPECT_NEAR(volume(r) / sampled_volume(mesh.bounds(), inside, seed, 200000), 1, 0.01);
     // The boundary alone closes, up to rounding: it winds round the same points.
     for (int k = 0; k < 30; k++) {
       const Point p = random.point(0.6);
-      EXPECT_NEAR(winding(r.boundary(), p), inside(p), 1e-3) << "seed " << seed;
+      EXPECT_NEAR(winding(r.boundary(), p), inside(p), 1e-3);
     }
   }
 }
@@ -318,6 +297,8 @@ Mesh lathe(const std::vector<std::array<double, 2>>& profile, int n) {  // radiu
   return mesh;
 }
 
+Mesh bottle_of(int n) { return lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, n); }
+
 Mesh lower_half_of_a_ball() {
   std::vector<std::array<double, 2>> profile;
   for (int k = 0; k <= 12; k++)
@@ -326,7 +307,7 @@ Mesh lower_half_of_a_ball() {
 }
 
 TEST(Mend, ABottleIsASolidWithAHoleAndABowlIsASheet) {
-  const Repaired bottle = mended(lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 40));
+  const Repaired bottle = mended(bottle_of(40));
   EXPECT_EQ(bottle.kind, BodyKind::solid);
   ASSERT_EQ(bottle.patches.size(), 1u);
   EXPECT_NEAR(bottle.patches[0].area, std::numbers::pi * 0.09, 0.01);
@@ -346,16 +327,14 @@ TEST(Mend, ABottleIsASolidWithAHoleAndABowlIsASheet) {
   EXPECT_NEAR(inward.steps.sheet_winding, bowl.steps.sheet_winding, 1e-9);
   // As asked, it is filled, and a bottle is none.
   EXPECT_NEAR(volume(mended(cup, RepairMode::fill)), 2.0 / 3 * std::numbers::pi, 0.05);
-  EXPECT_EQ(mended(lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 40), RepairMode::sheet).kind,
-            BodyKind::sheet);
+  EXPECT_EQ(mended(bottle_of(40), RepairMode::sheet).kind, BodyKind::sheet);
 }
 
 // The inner shell faces inward, and takes nothing from the evidence that the outer one is a solid.
 TEST(Mend, AHollowBallWithAHoleInItsOuterShellIsASolid) {
   const Mesh ball = shapes::sphere(3);
   const Mesh outer = without(ball, [](const Point& p) { return p.z() > 0.9; });
-  Mesh inner = turned_over(ball);
-  for (Point& p : inner.points) p *= 0.8;
+  const Mesh inner = scaled(turned_over(ball), 0.8);
   const Repaired r = mended(joined(outer, inner));
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_EQ(r.patches.size(), 1u);
@@ -368,8 +347,7 @@ TEST(Mend, AHelmetOfTwoOutwardWallsWithoutARimIsAShell) {
   const Mesh outer = lower_half_of_a_ball();
   const double filled = volume(mended(outer, RepairMode::fill));
   for (const double thickness : {0.05, 0.1, 0.2, 1e-4}) {
-    Mesh inner = outer;
-    for (Point& p : inner.points) p *= 1 - thickness;
+    const Mesh inner = scaled(outer, 1 - thickness);
     const Repaired r = mended(joined(outer, inner));
     if (thickness > 1e-3) {
       EXPECT_EQ(r.kind, BodyKind::solid);
@@ -390,14 +368,13 @@ TEST(Mend, HalvesOfABallThatLieApartAreSolid) {
 
 // What a closed piece covers is no opening: its own lid, or the ground that it stands on.
 TEST(Mend, ABoxThatAClosedPieceCoversIsASolid) {
-  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
+  const Mesh& open = kOpenCube;
   EXPECT_EQ(mended(open).kind, BodyKind::sheet);
   EXPECT_NEAR(volume(mended(joined(open, shapes::box({0, 0, 1}, {1, 1, 1.1}, 3)))), 1.1, 1e-9);
   EXPECT_NEAR(volume(mended(joined(open, shapes::box({-1, -1, 0.9}, {2, 2, 1.5}, 5)))), 0.9 + 5.4, 1e-9);
   // A wall inside is no solid, though the box covers its rim.
   RandomInput random(5);
-  Mesh wall = moved(shapes::square(0.8, 4), Eigen::Matrix3d::Identity(), {0.1, 0.1, 0.5});
-  for (Point& p : wall.points) p += 1e-4 * random.direction();
+  const Mesh wall = roughened(moved(shapes::square(0.8, 4), {0.1, 0.1, 0.5}), 1e-4, random);
   EXPECT_EQ(mended(joined(kCube, wall)).patches.size(), 0u);
   EXPECT_EQ(mended(joined(kCube, wall)).steps.sheet_pieces, 1u);
   // A lid that covers nine tenths of it closes it, and one that covers half closes nothing.
@@ -453,14 +430,13 @@ TEST(Mend, StripsAroundARoomWithAWindowAreNotWrapped) {
 }
 
 TEST(Mend, AnOpenSheetThatIsNearlyASolidNamesWhatClosesIt) {
-  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
-  const auto report = [&](RepairMode mode) { return repair(open, {.mode = mode}, "cube").report; };
-  EXPECT_NE(report(RepairMode::automatic).find("use --repair fill"), std::string::npos);
+  const auto report = [&](RepairMode mode) { return repair(kOpenCube, {.mode = mode}, "cube").report; };
+  EXPECT_TRUE(holds(report(RepairMode::automatic), "use --repair fill"));
   EXPECT_EQ(report(RepairMode::sheet).find("--repair fill"), std::string::npos);
 }
 
 TEST(Mend, ASolidWithAnOpenSeamIsStillASolid) {
-  Mesh bottle = lathe({{0, 0}, {1, 0}, {1, 3}, {0.3, 3.6}, {0.3, 4.4}}, 24);
+  Mesh bottle = bottle_of(24);
   for (std::size_t t = bottle.triangles.size(); t-- > 0;)
     if (t % 48 < 2) bottle.triangles.erase(bottle.triangles.begin() + std::ptrdiff_t(t));
   const Repaired r = mended(bottle);
@@ -478,10 +454,9 @@ TEST(Mend, AnEdgeInAFacePartsInsideFromOutside) {
   std::vector<std::array<double, 2>> profile = {{0, -0.5}};
   for (int k = 0; k <= 6; k++) profile.push_back({0.5, k / 6.0 - 0.5});
   profile.push_back({0, 0.5});
-  Mesh prism = lathe(profile, 4);
-  for (Point& p : prism.points) p = Point(p.z(), p.x(), p.y() + 1);
-  Mesh cube_on_its_edge = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}, 6);
-  for (Point& p : cube_on_its_edge.points) p = {p.x(), p.y() + p.z(), p.z() - p.y() + 1};
+  const Mesh prism = mapped(lathe(profile, 4), [](auto p) { return Point(p.z(), p.x(), p.y() + 1); });
+  const Mesh cube_on_its_edge = mapped(shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5}, 6),
+                                       [](auto p) { return Point(p.x(), p.y() + p.z(), p.z() - p.y() + 1); });
   const Mesh box = shapes::box({-2, -2, -1}, {2, 2, 1}, 3);
   for (const Mesh& half : {prism, cube_on_its_edge})
     for (int k = 0; k < 50; k++) {
@@ -562,30 +537,24 @@ TEST(Mend, TwoPlatesAsCloseAsACrackAreNoBody) {
 // The walls of a pipe are two pieces, and nothing joins them at its ends.
 TEST(Mend, APipeOfTwoWallsIsNoRod) {
   const auto wall = [](double radius, const Point& at, int n) {
-    Mesh mesh = lathe({{radius, 0}, {radius, 3}}, n);
-    for (Point& p : mesh.points) p += at;
-    return mesh;
-  };
-  const auto inward = [](Mesh mesh) {
-    for (auto& t : mesh.triangles) std::swap(t[1], t[2]);
-    return mesh;
+    return moved(lathe({{radius, 0}, {radius, 3}}, n), at);
   };
   const auto area = [](double radius, int n) {
     return 0.5 * n * radius * radius * std::sin(2 * std::numbers::pi / n);
   };
   const Point middle(0, 0, 0), left(-0.5, 0, 0), right(0.5, 0, 0);
   const Mesh outer = wall(1, middle, 40);
-  const Mesh pipe = joined(outer, inward(wall(0.8, middle, 31)));
+  const Mesh pipe = joined(outer, turned_over(wall(0.8, middle, 31)));
   const double thin = 3 * (area(1, 40) - area(0.8, 31));
-  for (const Mesh& mesh : {pipe, inward(pipe)}) {
+  for (const Mesh& mesh : {pipe, turned_over(pipe)}) {
     const Repaired r = mended(mesh);
     EXPECT_EQ(r.kind, BodyKind::solid);
     EXPECT_EQ(r.patches.size(), 2u);
     EXPECT_NEAR(volume(r), thin, 1e-6);
   }
-  const Mesh bores = joined(inward(wall(0.3, left, 20)), inward(wall(0.3, right, 20)));
+  const Mesh bores = joined(turned_over(wall(0.3, left, 20)), turned_over(wall(0.3, right, 20)));
   EXPECT_NEAR(volume(mended(joined(outer, bores))), 3 * (area(1, 40) - 2 * area(0.3, 20)), 1e-6);
-  const Mesh sleeve = joined(wall(0.7, middle, 40), inward(wall(0.6, middle, 40)));
+  const Mesh sleeve = joined(wall(0.7, middle, 40), turned_over(wall(0.6, middle, 40)));
   EXPECT_NEAR(volume(mended(joined(pipe, sleeve))), thin + 3 * (area(0.7, 40) - area(0.6, 40)), 1e-6);
   // Both walls may face outward. Of three, the innermost is a rod.
   EXPECT_NEAR(volume(mended(joined(outer, wall(0.8, middle, 31)))), thin, 1e-6);
@@ -595,16 +564,16 @@ TEST(Mend, APipeOfTwoWallsIsNoRod) {
 
 TEST(Mend, ACarBodyIsASheet) {
   Mesh body = without(shapes::box({0, 0, 0}, {4, 1.8, 1.4}, 4), [](const Point& p) { return p.z() == 0; });
-  body = joined(body, shapes::square(1));  // a seat
+  body.add(shapes::square(1));  // a seat
   const Repaired r = mended(body);
   EXPECT_EQ(r.kind, BodyKind::sheet);
   EXPECT_NEAR(r.mesh.area(), body.area(), 1e-9);
 }
 
 TEST(Mend, ASheetThatRunsIntoASolidKeepsTheRestOutside) {
-  Mesh fin = shapes::square(1);
-  for (Point& p : fin.points) p += Point(0.5, 0.2, 0.4);  // half of its length lies in the cube
-  for (Point& p : fin.points) p.y() *= 0.5;
+  const Mesh fin = mapped(shapes::square(1), [](auto p) {  // half of its length lies in the cube
+    return Point(p.x() + 0.5, 0.5 * (p.y() + 0.2), 0.4);
+  });
   const Repaired r = mended(joined(kCube, fin));
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_NEAR(volume(r), 1, 1e-9);
@@ -613,8 +582,7 @@ TEST(Mend, ASheetThatRunsIntoASolidKeepsTheRestOutside) {
 }
 
 TEST(Mend, FacesWithTwoSidesCountOnce) {
-  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
-  const Repaired r = mended(joined(open, turned_over(open)));
+  const Repaired r = mended(joined(kOpenCube, turned_over(kOpenCube)));
   EXPECT_EQ(r.kind, BodyKind::sheet);
   EXPECT_NEAR(r.mesh.area(), 5, 1e-9);
   EXPECT_NEAR(volume(mended(joined(kCube, turned_over(kCube)))), 1, 1e-12);
@@ -650,8 +618,7 @@ TEST(Mend, AFaceThatIsGivenTwiceWithAnotherDiagonalCountsOnce) {
 TEST(Mend, SheetsThatCrossAreNotCut) {
   RandomInput random(5);
   Mesh mesh;
-  for (std::uint32_t k = 0; k < 3000; k++) mesh.points.push_back(random.point());
-  for (std::uint32_t k = 0; k < 3000; k += 3) mesh.triangles.push_back({k, k + 1, k + 2});
+  for (int k = 0; k < 1000; k++) mesh.add({random.point(), random.point(), random.point()});
   const Repaired r = mended(mesh);
   EXPECT_EQ(r.kind, BodyKind::sheet);
   EXPECT_EQ(r.mesh.triangles.size(), mesh.triangles.size());
@@ -660,9 +627,7 @@ TEST(Mend, SheetsThatCrossAreNotCut) {
 
 // Half of the sheet lies on the cube's face, and is no surface of its own there. The face stays whole.
 TEST(Mend, ASheetOnAFaceIsTheFace) {
-  Mesh sheet = shapes::square(1);
-  for (Point& p : sheet.points) p += Point(0.5, 0, 1);
-  const Repaired r = mended(joined(kCube, sheet));
+  const Repaired r = mended(joined(kCube, moved(shapes::square(1), {0.5, 0, 1})));
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_NEAR(volume(r), 1, 1e-12);
   EXPECT_NEAR(r.steps.sheet_area, 0.5, 1e-12);
@@ -671,10 +636,8 @@ TEST(Mend, ASheetOnAFaceIsTheFace) {
 
 TEST(Mend, CracksAndTJunctionsAreClosed) {
   for (const double crack : {0.0, 5e-5}) {
-    Mesh mesh = without(kCube, [](const Point& p) { return p.z() == 1; });
-    Mesh lid = shapes::square(1, 7);  // seven parts where the rim has two
-    for (Point& p : lid.points) p.z() = 1 + crack;
-    const Repaired r = mended(joined(mesh, lid));
+    const Mesh lid = moved(shapes::square(1, 7), {0, 0, 1 + crack});  // seven parts where the rim has two
+    const Repaired r = mended(joined(kOpenCube, lid));
     EXPECT_EQ(r.kind, BodyKind::solid);
     EXPECT_EQ(r.patches.size(), 0u);
     EXPECT_GT(crack > 0 ? r.steps.cracks : r.steps.split, 0u);
@@ -688,8 +651,8 @@ TEST(Mend, TouchingCubesWhoseFacesAreDividedEachByItselfAreSolid) {
   const auto cube = [](double x, std::array<int, 6> parts) {
     Mesh all;
     for (std::size_t face = 0; face < 6; face++)
-      all = joined(all, shapes::face_of_cube(static_cast<int>(face), parts[face]));
-    return moved(all, Eigen::Matrix3d::Identity(), {x, 0, 0});
+      all.add(shapes::face_of_cube(static_cast<int>(face), parts[face]));
+    return moved(all, {x, 0, 0});
   };
   const Mesh one = cube(0, {1, 2, 4, 3, 5, 3}), other = cube(1, {4, 1, 3, 3, 2, 5});
   for (const Mesh& mesh : {joined(one, other), joined(one, turned_over(other))}) {
@@ -703,20 +666,15 @@ TEST(Mend, TouchingCubesWhoseFacesAreDividedEachByItselfAreSolid) {
   for (int k = 0; k < 18; k++) {
     std::array<int, 6> parts;
     for (int& n : parts) n = 1 + static_cast<int>(random.uniform(0, 4.999));
-    block = joined(block,
-                   moved(cube(k % 3, parts), Eigen::Matrix3d::Identity(), {0., k / 3 % 3 * 1., k / 9 * 1.}));
+    block.add(moved(cube(k % 3, parts), {0., k / 3 % 3 * 1., k / 9 * 1.}));
   }
   EXPECT_NEAR(volume(mended(block)), 18, 1e-9);
 }
 
 TEST(Mend, CracksWiderThanAQuarterOfTheToleranceAreHoles) {
-  Mesh lid = shapes::square(1);
-  for (Point& p : lid.points) p.z() = 1 + 5e-5;
-  RepairOptions options;
-  const Mesh mesh = joined(without(kCube, [](const Point& p) { return p.z() == 1; }), lid);
+  const Mesh mesh = joined(kOpenCube, moved(shapes::square(1), {0, 0, 1 + 5e-5}));
   for (const double tolerance : {2.1e-4, 1.9e-4}) {
-    options.tolerance = tolerance;
-    const Repaired r = mend(mesh, options).value();
+    const Repaired r = mend(mesh, {.tolerance = tolerance}).value();
     EXPECT_EQ(r.steps.cracks > 0, tolerance > 2e-4);
     EXPECT_EQ(r.patches.empty(), tolerance > 2e-4);
   }
@@ -731,10 +689,10 @@ TEST(Mend, TrianglesThatAllLieApartByCracksAreOneBody) {
   const Mesh ball = lathe(half, 32);
   Mesh apart;
   for (std::size_t t = 0; t < ball.triangles.size(); t++) {
-    const Point middle = (ball.corner(t, 0) + ball.corner(t, 1) + ball.corner(t, 2)) / 3;
-    const auto first = static_cast<std::uint32_t>(apart.points.size());
-    for (int k = 0; k < 3; k++) apart.points.push_back(middle + 0.9995 * (ball.corner(t, k) - middle));
-    if (ball.area_normal(t).norm() > 1e-9) apart.triangles.push_back({first, first + 1, first + 2});
+    const Point middle = ball.middle(t);
+    auto corners = ball.corners(t);
+    for (Point& p : corners) p = middle + 0.9995 * (p - middle);
+    if (ball.area_normal(t).norm() > 1e-9) apart.add(corners);
   }
   const Repaired r = mended(apart);
   EXPECT_EQ(r.kind, BodyKind::solid);
@@ -745,9 +703,8 @@ TEST(Mend, TrianglesThatAllLieApartByCracksAreOneBody) {
 TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
   const Mesh wall = moved(shapes::square(1, 2),
                           Eigen::AngleAxisd(std::numbers::pi / 2, Vector::UnitX()).matrix(), {0, 0.5, 0});
-  RepairOptions options;
   for (const bool keep : {false, true}) {
-    if (keep) options.join_width = 0;
+    const RepairOptions options{.join_width = keep ? 0 : RepairOptions().join_width};
     const Repaired r = mend(with_corners_off(joined(kCube, wall), 3e-5), options).value();
     EXPECT_EQ(r.steps.joined > 0, !keep);
     EXPECT_LE(r.steps.joined_width, 6e-5);
@@ -759,7 +716,7 @@ TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
   }
   // Copies that lie close to each other, each with holes of its own, are not knitted together.
   Mesh holed = shapes::box({0, 0, 0}, {1, 1, 1}, 6);
-  Mesh copy = moved(holed, Eigen::Matrix3d::Identity(), {1e-6, 1e-6, 2e-6});
+  Mesh copy = moved(holed, {1e-6, 1e-6, 2e-6});
   for (std::size_t t = holed.triangles.size(); t-- > 0;) {
     if (t % 23 == 0) holed.triangles.erase(holed.triangles.begin() + std::ptrdiff_t(t));
     if (t % 29 == 4) copy.triangles.erase(copy.triangles.begin() + std::ptrdiff_t(t));
@@ -769,29 +726,20 @@ TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
   EXPECT_NEAR(volume(copies), 1, 1e-4);
   EXPECT_EQ(copies.steps.joined, 0u);
   // Nor where they have the same holes; but the two sides of a thin plate belong together.
-  copy = moved(holed, Eigen::Matrix3d::Identity(), {1e-6, 1e-6, 2e-6});
+  copy = moved(holed, {1e-6, 1e-6, 2e-6});
   EXPECT_NEAR(volume(mended(joined(holed, copy))), 1, 1e-4);
   const Mesh plate = shapes::box({0, 0, 0}, {1, 1, 1e-3}, 3);
   EXPECT_NEAR(volume(mended(with_corners_off(plate, 3e-5))), 1e-3, 1e-4);
   // Fewer open edges must be left: a lid that shares two corners with a box hangs together with it no more.
-  const Mesh open = without(kCube, [](const Point& p) { return p.z() == 1; });
-  EXPECT_EQ(mended(joined(open, moved(shapes::square(1, 7), Eigen::Matrix3d::Identity(), {0, 0, 1 + 5e-5})))
-                .steps.joined,
-            0u);
+  EXPECT_EQ(mended(joined(kOpenCube, moved(shapes::square(1, 7), {0, 0, 1 + 5e-5}))).steps.joined, 0u);
 }
 
 // Walls inside included: more triangles meet there, and none of them says which way it faces.
 TEST(Mend, CornersAreJoinedOverAShareOfTheTolerance) {
-  Mesh cells;
-  for (int k = 0; k < 8; k++) {
-    const Point low(k % 2, k / 2 % 2, k / 4);
-    cells = joined(cells, shapes::box(low, low + Vector(1, 1, 1), 3));
-  }
-  const double diagonal = cells.bounds().diagonal();
+  const Mesh block = cells(2, 3);
+  const double diagonal = block.bounds().diagonal();
   for (const double off : {1e-4, 1e-3}) {
-    RepairOptions options;
-    options.tolerance = 0.01 * diagonal;
-    const Repaired r = mend(with_corners_off(cells, off * diagonal), options).value();
+    const Repaired r = mend(with_corners_off(block, off * diagonal), {.tolerance = 0.01 * diagonal}).value();
     EXPECT_EQ(r.kind, BodyKind::solid);
     EXPECT_LE(r.steps.joined_width, 0.0025 * diagonal);
     EXPECT_NEAR(volume(r), 8, 0.02);
@@ -803,8 +751,7 @@ TEST(Mend, CornersAreJoinedOverAShareOfTheTolerance) {
 TEST(Mend, AMirroredHalfThatFacesInwardIsTurned) {
   const Mesh half =
       without(shapes::box({0, 0, 0}, {1, 1, 0.5}, 3), [](const Point& p) { return p.z() == 0; });
-  Mesh other = half;
-  for (Point& p : other.points) p.z() = -2e-5 - p.z();
+  const Mesh other = mapped(half, [](auto p) { return Point(p.x(), p.y(), -2e-5 - p.z()); });
   const Repaired r = mended(joined(half, other));
   EXPECT_EQ(r.kind, BodyKind::solid);
   EXPECT_EQ(r.patches.size(), 0u);
@@ -856,9 +803,8 @@ TEST(Mend, EdgesAreSplitWhereCornersLieOnThem) {
     twice = divided(twice);
     for (const Mesh& post_in_parts : {scraps, twice})
       for (const double grid : {0x1p40, 0x1p22}) {  // as pad and as a file in float round
-        Mesh mesh = post_in_parts;
-        for (Point& p : mesh.points) p = (p * grid).array().round() / grid;
-        const Repaired r = mended(mesh);
+        const Repaired r = mended(mapped(
+            post_in_parts, [&](const Point& p) -> Point { return (p * grid).array().round() / grid; }));
         EXPECT_EQ(r.kind, BodyKind::solid);
         EXPECT_NEAR(volume(r), volume(post), 20 / grid);
         EXPECT_GT(r.steps.split, 0u);
@@ -866,28 +812,22 @@ TEST(Mend, EdgesAreSplitWhereCornersLieOnThem) {
         EXPECT_LT(r.steps.joined_width, 4 / grid);
       }
     // What a user wants kept is not moved.
-    RepairOptions keep;
-    keep.join_width = 0;
-    EXPECT_EQ(mend(twice, keep).value().steps.joined_width, 0);
+    EXPECT_EQ(mend(twice, {.join_width = 0}).value().steps.joined_width, 0);
     // A copy that lies near is not knitted to the surface.
-    const Mesh copy = moved(scraps, Eigen::Matrix3d::Identity(), {1e-6, 2e-6, 1e-6});
+    const Mesh copy = moved(scraps, {1e-6, 2e-6, 1e-6});
     EXPECT_NEAR(volume(mended(joined(scraps, copy))), volume(post), 1e-4);
   }
 }
 
 // A cube of 27 cells without the one in the middle, and without one at the rim that shares an edge with it.
 TEST(Mend, ACavityMayShareAnEdgeWithTheOutside) {
-  Mesh cells;
-  for (int k = 0; k < 27; k++) {
-    const Point low(k % 3, k / 3 % 3, k / 9);
-    if (k != 13 && k != 9) cells = joined(cells, shapes::box(low, low + Vector(1, 1, 1)));
-  }
+  const Mesh all = cells(3, 1, {9, 13});
   const auto middle = [&](const auto& t) -> Point {
-    return (cells.points[t[0]] + cells.points[t[1]] + cells.points[t[2]]) / 3;
+    return (all.points[t[0]] + all.points[t[1]] + all.points[t[2]]) / 3;
   };
-  Mesh mesh = cells;  // without the walls, which are there twice
+  Mesh mesh = all;  // without the walls, which are there twice
   std::erase_if(mesh.triangles, [&](const auto& t) {
-    return std::count_if(cells.triangles.begin(), cells.triangles.end(),
+    return std::count_if(all.triangles.begin(), all.triangles.end(),
                          [&](const auto& other) { return (middle(t) - middle(other)).norm() < 1e-9; }) > 1;
   });
   for (int turn = 0; turn < 3; turn++) {
@@ -917,18 +857,13 @@ TEST(Mend, WhatWasCutOutOfABodyIsACavityAlsoWhereItTouchesAWall) {
     EXPECT_NEAR(volume(stuck), 1 - 0.04, 1e-9);
   }
   // A copy that is moved a little has no deep walls in the body.
-  Mesh copy = turned_over(kCube);
-  for (Point& p : copy.points) p += Vector(1e-4, 2e-4, 1e-4);
-  EXPECT_NEAR(volume(mended(joined(kCube, copy))), 1, 1e-3);
+  EXPECT_NEAR(volume(mended(joined(kCube, moved(turned_over(kCube), {1e-4, 2e-4, 1e-4})))), 1, 1e-3);
   // Nor has one of two cubes that touch, though each has the other for a wall; nor a noisy one.
-  const Mesh two = joined(kCube, moved(kCube, Eigen::Matrix3d::Identity(), {0.5, 0.25, 1}));
-  Mesh copies = turned_over(two);
-  for (Point& p : copies.points) p += Vector(1e-6, 2e-6, 0);
-  EXPECT_NEAR(volume(mended(joined(two, copies))), 2, 1e-3);
+  const Mesh two = joined(kCube, moved(kCube, {0.5, 0.25, 1}));
+  EXPECT_NEAR(volume(mended(joined(two, moved(turned_over(two), {1e-6, 2e-6, 0})))), 2, 1e-3);
   const Mesh ball = shapes::sphere(3);
-  Mesh noisy = turned_over(ball);
   RandomInput random(7);
-  for (Point& p : noisy.points) p += 0.01 * random.direction();
+  const Mesh noisy = roughened(turned_over(ball), 0.01, random);
   EXPECT_GT(volume(mended(joined(ball, noisy))), 0.99 * mass_properties(ball).volume);
 }
 
@@ -1024,28 +959,18 @@ TEST(Mend, ABodyWhoseTrianglesFaceBothWaysIsSolid) {
 // Cells with walls between them, as of a mesh of finite elements or of a model drawn with faces inside. Their
 // triangles face either way. A fin stands on an edge.
 TEST(Mend, CellsWithWallsBetweenThemAreOneBody) {
-  Mesh cells;
-  for (int k = 0; k < 8; k++) {
-    const Point low(k % 2, k / 2 % 2, k / 4);
-    cells = joined(cells, shapes::box(low, low + Vector(1, 1, 1), 3));
-  }
+  Mesh block = cells(2, 3);
   Random random(3);
-  for (auto& t : cells.triangles)
+  for (auto& t : block.triangles)
     if (random.below(2)) std::swap(t[1], t[2]);
-  Mesh fin;
-  fin.points = {{1, 1, 2}, {4 / 3.0, 1, 2}, {4 / 3.0, 1, 3}, {1, 1, 3}};
-  fin.points[1] = cells.points[*std::min_element(cells.triangles.begin(), cells.triangles.end(),
-                                                 [&](const auto& s, const auto& t) {
-                                                   return (cells.points[s[0]] - fin.points[1]).norm() <
-                                                          (cells.points[t[0]] - fin.points[1]).norm();
-                                                 })
-                                    ->begin()];
-  fin.triangles = {{0, 1, 2}, {0, 2, 3}};
+  Mesh fin = shapes::fin({1, 1, 2}, {4 / 3.0, 1, 3});
+  const auto away = [&, corner = fin.points[1]](const Point& p) { return (p - corner).norm(); };
+  fin.points[1] = *std::ranges::min_element(block.points, {}, away);
   for (const bool hole : {false, true})
     for (const bool with_fin : {false, true}) {
-      Mesh mesh = cells;
+      Mesh mesh = block;
       if (hole) mesh.triangles.erase(mesh.triangles.begin() + 8);  // in the middle of a face outside
-      if (with_fin) mesh = joined(mesh, fin);
+      if (with_fin) mesh.add(fin);
       const Repaired r = mended(mesh);
       EXPECT_EQ(r.kind, BodyKind::solid);
       EXPECT_NEAR(volume(r), 8, 1e-12);
@@ -1054,32 +979,29 @@ TEST(Mend, CellsWithWallsBetweenThemAreOneBody) {
       EXPECT_NEAR(r.steps.sheet_area, with_fin ? 1 / 3.0 : 0, 1e-12);
       EXPECT_EQ(r.patches.size(), hole ? 1u : 0u);
     }
-  const std::string report = repair(cells, {}, "cells").report;
-  EXPECT_NE(report.find("left out walls inside (33.3 % of the surface)"), std::string::npos) << report;
+  const std::string report = repair(block, {}, "cells").report;
+  EXPECT_TRUE(holds(report, "left out walls inside (33.3 % of the surface)"));
   // Without its lid, the upper half is a sheet.
-  const Repaired open = mended(without(cells, [](const Point& p) { return p.z() == 2; }));
+  const Repaired open = mended(without(block, [](const Point& p) { return p.z() == 2; }));
   EXPECT_NEAR(volume(open), 4, 1e-12);
   EXPECT_NEAR(open.steps.sheet_area, 12, 1e-12);
 }
 
 TEST(Mend, WhatIsLeftBetweenTheCracksOfASheetIsNoSolid) {
-  Mesh mesh;  // a square, and a speck that lacks a side
-  mesh.points = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}};
-  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  // A square, and a speck that lacks a side.
   Mesh speck = shapes::box({0.5, 0.5, 0.1}, {0.5 + 1e-6, 0.5 + 1e-6, 0.1 + 1e-6});
   speck.triangles.pop_back();
-  const Repaired r = mended(joined(mesh, speck));
+  const Repaired r = mended(joined(shapes::square(1), speck));
   EXPECT_EQ(r.kind, BodyKind::sheet);
   EXPECT_EQ(r.patches.size(), 0u);
 }
 
 TEST(Mend, CertifiedCoversHoldWhenSampled) {
   for (const std::uint64_t seed : {7u, 8u}) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     Mesh mesh =
         joined(shapes::blob(random, 3), moved(shapes::blob(random, 3), random.rotation(), {0.8, 0.2, 0}));
-    mesh = joined(mesh, moved(shapes::square(1, 3), random.rotation(), {1.2, 0.6, 0.2}));  // a sheet
+    mesh.add(moved(shapes::square(1, 3), random.rotation(), {1.2, 0.6, 0.2}));  // a sheet
     const Repaired r = mended(mesh);
     EXPECT_GT(r.steps.sheet_area, 0);
     const double e = 0.03 * mesh.bounds().diagonal();
@@ -1096,7 +1018,7 @@ TEST(Mend, CertifiedCoversHoldWhenSampled) {
       }
     const BallSet balls(culled.balls);
     for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-      const Point x = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
+      const Point x = mesh.middle(t);
       if (winding(solid, x + 1e-6 * random.direction()) < 0.5) {
         EXPECT_LE(balls.gap(x).value, e * (1 + 1e-3));
       }
@@ -1110,9 +1032,7 @@ TEST(Mend, ASheetOfAThicknessNeedsFewerBalls) {
   for (Point& p : mesh.points) p.z() = 0.1 * std::sin(5 * p.x()) * std::cos(4 * p.y());
   std::size_t last = ~0u;
   for (const double thickness : {0.0, 0.05, 0.2}) {
-    RepairOptions options;
-    options.thickness = thickness;
-    const Repaired r = mend(mesh, options).value();
+    const Repaired r = mend(mesh, {.thickness = thickness}).value();
     EXPECT_EQ(r.kind, BodyKind::sheet);
     const double e = 0.03;
     const Culled culled = cull(r.surface(), {.tolerance = e, .effort = 0});
@@ -1131,15 +1051,10 @@ TEST(Mend, ASheetOfAThicknessNeedsFewerBalls) {
 TEST(Mend, SameForAnyNumberOfThreads) {
   RandomInput random(9);
   Mesh mesh;
-  for (int k = 0; k < 20; k++)
-    mesh = joined(mesh, moved(shapes::box({0, 0, 0}, {1, 1, 1}, 2), random.rotation(), random.point()));
+  for (int k = 0; k < 20; k++) mesh.add(moved(kCube, random.rotation(), random.point()));
   mesh.triangles.resize(mesh.triangles.size() - 3);
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const Repaired one = mended(mesh);
-  omp_set_num_threads(3);
-  const Repaired three = mended(mesh);
-  omp_set_num_threads(threads);
+  const Repaired one = with_threads(1, [&] { return mended(mesh); });
+  const Repaired three = with_threads(3, [&] { return mended(mesh); });
   EXPECT_EQ(one.mesh.points, three.mesh.points);
   EXPECT_EQ(one.mesh.triangles, three.mesh.triangles);
   EXPECT_EQ(one.solid->mesh().triangles, three.solid->mesh().triangles);
@@ -1148,8 +1063,8 @@ TEST(Mend, SameForAnyNumberOfThreads) {
 // The face of one box runs through an edge of the other one, along the middle of it: what lies before the two
 // triangles of that edge differs there.
 TEST(Mend, AFaceThroughAnEdgePartsWhatLiesOnBothSidesOfIt) {
-  Mesh slanted = shapes::box({0, 0.25, 0}, {1, 0.75, 0.5});
-  for (Point& p : slanted.points) p = {0.5 + p.x() + p.z(), p.y(), 0.5 + p.x() - p.z()};
+  Mesh slanted = mapped(shapes::box({0, 0.25, 0}, {1, 0.75, 0.5}),
+                        [](auto p) { return Point(0.5 + p.x() + p.z(), p.y(), 0.5 + p.x() - p.z()); });
   if (volume(slanted) < 0) slanted = turned_over(slanted);
   for (const int n : {1, 4}) {
     const Mesh cube = shapes::box({0, 0, 0}, {1, 1, 1}, n);

@@ -14,8 +14,7 @@ namespace {
 class WriteMesh : public ::testing::Test, protected TemporaryFolder {};
 
 TEST_F(WriteMesh, IsReadBackFaceByFace) {
-  Mesh mesh = shapes::torus(1, 0.3, 20, 10);
-  for (Point& p : mesh.points) p = p / 3 + Point(100, -7, 1e-3);
+  const Mesh mesh = shapes::moved(shapes::scaled(shapes::torus(1, 0.3, 20, 10), 1 / 3.), {100, -7, 1e-3});
   for (const char* ending : {".obj", ".off", ".ply", ".stl"}) {
     SCOPED_TRACE(ending);
     const auto path = folder_ / (std::string("m") + ending);

@@ -2,8 +2,6 @@
 // MJCF as input, against MuJoCo itself: every geom stands where MuJoCo puts it, for any place of the joints.
 #include "padding/robots/mjcf.h"
 
-#include <mujoco/mujoco.h>
-
 #include <algorithm>
 #include <random>
 #include <set>
@@ -11,6 +9,7 @@
 #include "padding/robot.h"
 #include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
+#include "tests/padding/in_mujoco.h"
 
 namespace padder::samples {
 namespace {
@@ -29,10 +28,9 @@ class MjcfTest : public ExportTest {
   // Sets random values in MuJoCo and in ours, and compares each shape's place.
   static void expect_as_in_mujoco(const fs::path& file) {
     SCOPED_TRACE(file.string());
-    char error[1000] = "";
-    mjModel* m = mj_loadXML(file.c_str(), nullptr, error, sizeof error);
-    ASSERT_NE(m, nullptr) << error;
-    mjData* d = mj_makeData(m);
+    const InMujoco in(file);
+    const mjModel* m = in.model;
+    mjData* d = in.data;
     const RobotTree robot = read_mjcf(file);
     constexpr std::uint64_t seed = 7;
     std::mt19937_64 random(seed);
@@ -42,7 +40,7 @@ class MjcfTest : public ExportTest {
       std::vector<double> values(robot.links.size());
       for (std::size_t k = 0; k < values.size(); k++) {
         const Joint& joint = robot.model.bodies[k].joint;
-        const int id = mj_name2id(m, mjOBJ_JOINT, joint.name.c_str());
+        const int id = in.id(mjOBJ_JOINT, joint.name);
         const bool one_way = joint.type == Joint::Type::revolute || joint.type == Joint::Type::continuous ||
                              joint.type == Joint::Type::prismatic;
         if (id < 0 || !one_way) continue;
@@ -60,7 +58,6 @@ class MjcfTest : public ExportTest {
       EXPECT_EQ(body, m->nbody);
     }
     EXPECT_GT(compared, 0u);
-    mj_deleteData(d), mj_deleteModel(m);
   }
 
  private:
@@ -125,8 +122,6 @@ class MjcfTest : public ExportTest {
   }
 };
 
-const std::string kTet = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
-
 // Every way to say where something is, in degrees and in radians, with classes and an included file.
 TEST_F(MjcfTest, EveryGeomStandsWhereMuJoCoPutsIt) {
   fs::create_directories(folder_ / "meshes");
@@ -136,14 +131,14 @@ TEST_F(MjcfTest, EveryGeomStandsWhereMuJoCoPutsIt) {
       "<mujoco><body name='hand' pos='0 0 .4' zaxis='1 1 3'><joint name='wrist' type='hinge' axis='1 0 "
       "0' pos='.1 0 .05' ref='.3' range='-1 2'/><joint name='slide' type='slide' axis='1 2 0' ref='-.2' "
       "range='-1 1'/><joint name='twist' axis='0 0 2'/><geom type='mesh' mesh='tet' pos='0 .1 0' euler='.1 "
-      ".2 "
-      ".3'/><geom type='mesh' mesh='turned'/><geom class='thin' fromto='0 0 0 .2 .1 .3'/></body></mujoco>");
+      ".2 .3'/><geom type='mesh' mesh='turned'/><geom class='thin' fromto='0 0 0 .2 .1 "
+      ".3'/></body></mujoco>");
   const std::string inside =
       "<asset><mesh name='tet' file='tet.obj' scale='.1 -.2 .3' refpos='.1 .2 .3'/>"
       "<mesh name='turned' file='tet.obj' scale='-.1 -.1 -.1' refpos='.1 .2 .3' refquat='1 .2 0 .3'/></asset>"
       "<default class='top'><geom size='.1 .2 .3'/><joint damping='3'/><default class='arm'><geom "
-      "type='capsule' "
-      "euler='.3 .2 .1'/><default class='thin'><geom size='.02'/></default></default></default>"
+      "type='capsule' euler='.3 .2 .1'/><default class='thin'><geom "
+      "size='.02'/></default></default></default>"
       "<worldbody><geom type='plane' size='1 1 1'/><geom class='top' type='box' pos='3 0 0' quat='1 2 3 4'/>"
       "<body name='base' pos='0 0 1' axisangle='1 1 0 .5'><freejoint name='root'/><geom type='ellipsoid' "
       "xyaxes='1 1 0 -1 1 .5'/><body name='upper' childclass='arm' pos='0 .2 0' euler='.3 -.2 1'>"
@@ -184,19 +179,16 @@ TEST_F(MjcfTest, InventedNamesAreThoseOfNoOther) {
 TEST_F(MjcfTest, JointsLimitsMotorsAndPairs) {
   const RobotTree r = read_mjcf(put(
       "<default><motor ctrlrange='-2 3'/></default><worldbody><body name='a'><geom size='.1'/><joint "
-      "name='j' "
-      "range='-90 45' damping='2' frictionloss='.5'/><body name='b' pos='1 0 0'><joint name='k' type='slide' "
-      "range='-1 1' limited='false'/><geom size='.1'/><body name='c' pos='1 0 0'><joint name='l' "
-      "ref='10'/><geom size='.1'/>"
+      "name='j' range='-90 45' damping='2' frictionloss='.5'/><body name='b' pos='1 0 0'><joint name='k' "
+      "type='slide' range='-1 1' limited='false'/><geom size='.1'/><body name='c' pos='1 0 0'><joint "
+      "name='l' ref='10'/><geom size='.1'/>"
       "<inertial pos='1 2 3' mass='4' fullinertia='3 4 5 .1 .2 .3'/></body></body><body name='d' pos='0 9 "
-      "0'><geom "
-      "size='.1' contype='2' conaffinity='2'/><joint name='m' type='ball'/></body></body></worldbody>"
+      "0'><geom size='.1' contype='2' conaffinity='2'/><joint name='m' "
+      "type='ball'/></body></body></worldbody>"
       "<contact><exclude body1='a' body2='c'/></contact><actuator><motor joint='j' gear='5'/></actuator>"
       "<equality><joint joint1='l' joint2='j' polycoef='.1 .5 0 0 0'/><joint joint1='k' joint2='j' "
       "active='false'/></equality>"));
-  const auto body = [&](const std::string& name) {
-    return *std::ranges::find(r.model.bodies, name, &Body::name);
-  };
+  const auto body = [&](const std::string& name) { return body_of(r.model, name); };
   EXPECT_EQ(body("a").joint.type, Joint::Type::revolute);
   EXPECT_NEAR(body("a").joint.lower, -std::numbers::pi / 2, 1e-12);
   EXPECT_EQ(body("a").joint.effort, 15);
@@ -233,23 +225,17 @@ TEST_F(MjcfTest, WhatMovesMayTouchTheWorld) {
 TEST_F(MjcfTest, TheFirstPoseIsThatOfTheReferences) {
   const fs::path file = world(
       "<body name='p' pos='0 0 1'><joint name='px' type='slide' axis='1 0 0' ref='1' limited='true' "
-      "range='-2 "
-      "2'/><geom type='box' size='.2 .2 .2'/></body><body name='q' pos='.1 0 1'><joint name='qx' "
-      "type='slide' "
-      "axis='1 0 0' ref='2' limited='true' range='-3 3'/><geom type='box' size='.2 .2 .2'/></body>");
-  PadOptions options;
-  options.tolerance = Length::share(0.05);
-  const PaddedRobot r = pad_robot(file, options);
+      "range='-2 2'/><geom type='box' size='.2 .2 .2'/></body><body name='q' pos='.1 0 1'><joint name='qx' "
+      "type='slide' axis='1 0 0' ref='2' limited='true' range='-3 3'/><geom type='box' size='.2 .2 "
+      ".2'/></body>");
+  const PaddedRobot r = pad_robot(file, {.tolerance = Length::share(0.05)});
   ASSERT_EQ(r.model.apart.size(), 1u);
   EXPECT_EQ(r.model.apart[0].reason, "Default");
   write(r.model, "out.xml");
-  char error[1000] = "";
-  mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
-  ASSERT_NE(m, nullptr) << error;
+  const InMujoco m(folder_ / "out.xml");
   EXPECT_EQ(m->qpos0[0], 1);
   EXPECT_EQ(m->qpos0[1], 2);
-  EXPECT_NEAR(m->body_pos[3 * mj_name2id(m, mjOBJ_BODY, "q")], 0.1, 1e-15);
-  mj_deleteModel(m);
+  EXPECT_NEAR(m->body_pos[3 * m.id(mjOBJ_BODY, "q")], 0.1, 1e-15);
 }
 
 TEST_F(MjcfTest, WhatNoFormatGetsIsListedInOneNote) {
@@ -263,12 +249,10 @@ TEST_F(MjcfTest, WhatNoFormatGetsIsListedInOneNote) {
       "<position joint='j'/></actuator><sensor><jointpos joint='j'/></sensor><keyframe><key "
       "qpos='0'/></keyframe>"));
   ASSERT_EQ(r.notes.size(), 1u);
-  EXPECT_EQ(
-      r.notes[0],
-      "left out, since no link, joint or pair of links has it: actuators other than motors, armature, "
-      "cameras, "
-      "closed loops (connect, weld), gravity, keyframes, sensors, sites, springref, stiffness, tendons, "
-      "timestep");
+  EXPECT_EQ(r.notes[0],
+            "left out, since no link, joint or pair of links has it: actuators other than motors, armature, "
+            "cameras, closed loops (connect, weld), gravity, keyframes, sensors, sites, springref, "
+            "stiffness, tendons, timestep");
 }
 
 TEST_F(MjcfTest, BallsKeepTheirRangeAndMassesTheirTotal) {
@@ -280,24 +264,19 @@ TEST_F(MjcfTest, BallsKeepTheirRangeAndMassesTheirTotal) {
           "limited='true' damping='2' frictionloss='.5'/>" +
           inertial(3) + "<geom type='box' size='.1 .1 .1'/><body name='c'>" + inertial(1) +
           "</body></body></worldbody>");
-  PadOptions options;
-  options.tolerance = Length::share(0.1);
-  const PaddedRobot r = pad_robot(file, options);
+  const PaddedRobot r = pad_robot(file, {.tolerance = Length::share(0.1)});
   EXPECT_EQ(r.model.bodies[1].inertial->mass, 7.5);
   EXPECT_EQ(r.model.bodies[2].inertial->inertia(0, 0), 2.5);
   write(r.model, "out.xml");
-  char error[1000] = "";
-  mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
-  ASSERT_NE(m, nullptr) << error;
+  const InMujoco m(folder_ / "out.xml");
   EXPECT_TRUE(m->jnt_limited[0]);
   EXPECT_NEAR(m->jnt_range[1], std::numbers::pi / 2, 1e-12);
   EXPECT_EQ(m->dof_damping[2], 2);
   EXPECT_EQ(m->dof_frictionloss[2], 0.5);
-  mj_deleteModel(m);
   const RobotTree open =
       read_mjcf(put("<compiler settotalmass='10'/><worldbody><body name='a'><geom type='box' size='1 1 1' "
                     "shellinertia='true'/></body></worldbody>"));
-  EXPECT_NE(open.notes.at(0).find("settotalmass"), std::string::npos);
+  EXPECT_TRUE(holds(open.notes.at(0), "settotalmass"));
 }
 
 TEST_F(MjcfTest, WhatIsLeftOutIsCountedInNotes) {
@@ -334,7 +313,7 @@ TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
         {"<include file='r.xml'/>", "included twice"},
         {"<include file='none.xml'/>", "none.xml"},
         {"<contact><exclude body1='x' body2='y'/></contact>", "a body that is not there"}})
-    EXPECT_NE(fault(inside).find(words), std::string::npos) << inside << ": " << fault(inside);
+    EXPECT_TRUE(holds(fault(inside), words)) << inside << ": " << fault(inside);
 }
 
 TEST_F(MjcfTest, BodiesOnlyToLookAtAreNamedAndPairsTouch) {
@@ -353,8 +332,7 @@ TEST_F(MjcfTest, BodiesOnlyToLookAtAreNamedAndPairsTouch) {
   EXPECT_EQ(r.notes[0],
             "links that have visual geometry alone get no spheres (--visual pads the visual geometry of all "
             "links instead): look");
-  EXPECT_NE(fault(bodies + "<pair geom1='ga' geom2='none'/></contact>").find("its geom2 is not there"),
-            std::string::npos);
+  EXPECT_TRUE(holds(fault(bodies + "<pair geom1='ga' geom2='none'/></contact>"), "its geom2 is not there"));
 }
 
 TEST_F(MjcfTest, AStatedMassCountsWhereMuJoCoTakesIt) {
@@ -382,9 +360,7 @@ TEST_F(MjcfTest, BodiesWithoutInertialWeighWhatTheirGeomsDo) {
       "<compiler inertiagrouprange='0 2'/><default><default class='heavy'><geom type='box' size='.1 .1 .1' "
       "pos='1 1 1' density='5000'/></default></default><worldbody>" +
       bodies + "</worldbody>");
-  char error[1000] = "";
-  mjModel* m = mj_loadXML(file.c_str(), nullptr, error, sizeof error);
-  ASSERT_NE(m, nullptr) << error;
+  const InMujoco m(file);
   const RobotTree robot = read_mjcf(file);
   ASSERT_EQ(robot.links.size(), 28u);
   EXPECT_TRUE(robot.notes.empty()) << robot.notes[0];
@@ -397,7 +373,6 @@ TEST_F(MjcfTest, BodiesWithoutInertialWeighWhatTheirGeomsDo) {
     const Eigen::Matrix3d theirs = turn * Vector(m->body_inertia + 3 * k).asDiagonal() * turn.transpose();
     EXPECT_LT((ours.inertia - theirs).norm(), 1e-6 * theirs.norm()) << k;
   }
-  mj_deleteModel(m);
 }
 
 TEST_F(MjcfTest, MassesThatNeedAMeshAreNotKnown) {
@@ -415,20 +390,16 @@ TEST_F(MjcfTest, MassesThatNeedAMeshAreNotKnown) {
       padded.notes.at(0),
       "bodies without <inertial> that have meshes or shells, so that their mass follows from a density and "
       "not from their geoms: a");
-  EXPECT_NE(bare.notes.at(1).find("which get no mass, though MuJoCo gives them that of their geoms: a"),
-            std::string::npos);
+  EXPECT_TRUE(holds(bare.notes.at(1), "which get no mass, though MuJoCo gives them that of their geoms: a"));
   EXPECT_EQ(read("mass='0'/>").model.bodies[1].inertial->mass, 0);  // stated, and no density takes its place
   // A stated mass is kept, and the shape gives the moments: a tetrahedron's, and a cube's of density 1000.
   const fs::path file =
       put("<compiler settotalmass='30'/><asset><mesh file='tet.obj'/></asset><worldbody><body "
-          "name='a'><joint/><geom "
-          "type='mesh' mesh='tet' mass='2'/></body><body pos='5 0 0'><joint/><geom type='box' size='.1 .1 "
-          ".1'/></body></worldbody>");
+          "name='a'><joint/><geom type='mesh' mesh='tet' mass='2'/></body><body pos='5 0 0'><joint/><geom "
+          "type='box' size='.1 .1 .1'/></body></worldbody>");
   EXPECT_EQ(read_mjcf(file).notes.at(0),
             "bodies whose geoms state a mass, and whose moments follow from the shape that is padded: a");
-  PadOptions options;
-  options.tolerance = Length::share(0.1);
-  const PaddedRobot r = pad_robot(file, options);
+  const PaddedRobot r = pad_robot(file, {.tolerance = Length::share(0.1)});
   const Inertial& tet = *r.model.bodies[1].inertial;
   EXPECT_NEAR(tet.mass, 6, 1e-12);
   EXPECT_LT((tet.center - Vector::Constant(0.25)).norm(), 1e-6);
@@ -492,27 +463,20 @@ TEST_F(MjcfTest, SpheresThatSayMoreAreARobot) {
 TEST_F(MjcfTest, APaddedRobotIsTheSameRobot) {
   const fs::path file = world(
       "<body name='base' pos='0 0 1'><freejoint name='root'/><inertial pos='0 0 0' mass='5' diaginertia='1 1 "
-      "1'/><geom "
-      "type='box' size='.1 .1 .1'/><body name='leg' pos='.3 0 0'><joint name='hip' axis='0 1 0' pos='0 0 .1' "
-      "range='-60 "
-      "60'/><inertial pos='0 0 -.2' mass='2' diaginertia='.1 .1 .1'/><geom type='capsule' size='.03' "
-      "fromto='0 0 0 0 0 -.4'/></body></body>");
+      "1'/><geom type='box' size='.1 .1 .1'/><body name='leg' pos='.3 0 0'><joint name='hip' axis='0 1 0' "
+      "pos='0 0 .1' range='-60 60'/><inertial pos='0 0 -.2' mass='2' diaginertia='.1 .1 .1'/><geom "
+      "type='capsule' size='.03' fromto='0 0 0 0 0 -.4'/></body></body>");
   ASSERT_TRUE(is_robot_file(file));
   for (const char* name : {"a.urdf", "A.URDF", "a.Xacro"}) EXPECT_TRUE(is_robot_file(name));
   EXPECT_FALSE(is_robot_file("a.stl"));
-  PadOptions options;
-  options.tolerance = Length::share(0.05);
-  const PaddedRobot r = pad_robot(file, options);
+  const PaddedRobot r = pad_robot(file, {.tolerance = Length::share(0.05)});
   EXPECT_TRUE(is_robot_file(write(r.model, "out.xml")));
   EXPECT_EQ(read_mjcf(folder_ / "out.xml").links.size(), r.model.bodies.size());
-  char error[1000] = "";
-  mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
-  ASSERT_NE(m, nullptr) << error;
+  const InMujoco m(folder_ / "out.xml");
   EXPECT_EQ(m->nv, 7);
   EXPECT_EQ(static_cast<std::size_t>(m->ngeom), r.model.spheres());
-  EXPECT_EQ(m->body_mass[mj_name2id(m, mjOBJ_BODY, "leg")], 2);
-  EXPECT_NEAR(m->jnt_range[2 * mj_name2id(m, mjOBJ_JOINT, "hip")], -std::numbers::pi / 3, 1e-12);
-  mj_deleteModel(m);
+  EXPECT_EQ(m->body_mass[m.id(mjOBJ_BODY, "leg")], 2);
+  EXPECT_NEAR(m->jnt_range[2 * m.id(mjOBJ_JOINT, "hip")], -std::numbers::pi / 3, 1e-12);
   if (have("check_urdf")) {
     write(r.model, "out.urdf");
     EXPECT_EQ(run("check_urdf '" + (folder_ / "out.urdf").string() + "'").status, 0);
@@ -537,13 +501,10 @@ TEST_F(MjcfTest, NamesOfAUrdfThatMuJoCoWouldRefuse) {
   write_file(folder_ / "r.urdf", text);
   const PaddedRobot r = pad_robot(folder_ / "r.urdf", {});
   write(r.model, "out.xml");
-  char error[1000] = "";
-  mjModel* m = mj_loadXML((folder_ / "out.xml").c_str(), nullptr, error, sizeof error);
-  ASSERT_NE(m, nullptr) << error;
+  const InMujoco m(folder_ / "out.xml");
   EXPECT_EQ(m->njnt, 5);
   EXPECT_EQ(m->neq, 1);
-  EXPECT_GE(mj_name2id(m, mjOBJ_BODY, "world__"), 0);
-  mj_deleteModel(m);
+  EXPECT_GE(m.id(mjOBJ_BODY, "world__"), 0);
 }
 
 }  // namespace

@@ -2,12 +2,12 @@
 #include "padding/verify/accuracy.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <numbers>
 
 #include "padding/meshing/repair.h"
 #include "tests/padding/random_input.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
@@ -92,7 +92,6 @@ struct BruteForce {
 
 TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
   for (std::uint64_t seed = 1; seed <= 3; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random, 3);
     std::vector<Ball> balls;
@@ -101,10 +100,7 @@ TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
     const BruteForce brute{mesh, balls};
     double gap_max = 0, protrusion_max = 0;
     for (int k = 0; k < 20000; k++) {
-      const std::size_t t = std::size_t(random.uniform(0, double(mesh.triangles.size())));
-      double s = random.uniform(0, 1), u = random.uniform(0, 1);
-      if (s + u > 1) s = 1 - s, u = 1 - u;
-      const Point a = mesh.corner(t, 0), x = a + s * (mesh.corner(t, 1) - a) + u * (mesh.corner(t, 2) - a);
+      const Point x = random.on(mesh, random.below(mesh.triangles.size()));
       gap_max = std::max(gap_max, brute.gap(x));
     }
     double inside = 0, box = 0;
@@ -131,8 +127,7 @@ TEST(Accuracy, SamplesGiveWhatManyMoreGive) {
   const Mesh mesh = shapes::torus(1, 0.4, 24, 12);
   std::vector<Ball> balls;
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const Point a = mesh.corner(t, 0), b = mesh.corner(t, 1), c = mesh.corner(t, 2);
-    balls.push_back({(a + b + c) / 3, 0.35 * (b - a).norm()});
+    balls.push_back({mesh.middle(t), 0.35 * (mesh.corner(t, 1) - mesh.corner(t, 0)).norm()});
   }
   for (const bool few : {false, true}) {
     if (few) balls.resize(40);
@@ -154,12 +149,8 @@ TEST(Accuracy, SameForAnyNumberOfThreads) {
   const Mesh mesh = shapes::torus(1, 0.3, 40, 16);
   std::vector<Ball> balls;
   for (int k = 0; k < 30; k++) balls.push_back({Point(std::cos(k), std::sin(k), 0), 0.35});
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const Measured one = of(mesh, balls);
-  omp_set_num_threads(3);
-  const Measured three = of(mesh, balls);
-  omp_set_num_threads(threads);
+  const auto measured = [&] { return of(mesh, balls); };
+  const Measured one = with_threads(1, measured), three = with_threads(3, measured);
   EXPECT_EQ(one.accuracy.protrusion_mean, three.accuracy.protrusion_mean);
   EXPECT_EQ(one.accuracy.gap_max, three.accuracy.gap_max);
   EXPECT_EQ(one.volume_union, three.volume_union);

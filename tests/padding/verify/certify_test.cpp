@@ -2,13 +2,13 @@
 #include "padding/verify/certify.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include <random>
 
 #include "padding/geometry/medial.h"
 #include "padding/geometry/random.h"
 #include "tests/padding/shapes.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
@@ -17,8 +17,7 @@ std::vector<Ball> balls_of(const Surface& surface, double dilation) {
   std::vector<Ball> balls;
   const Mesh& mesh = surface.mesh();
   for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
-    const Point p = (mesh.corner(t, 0) + mesh.corner(t, 1) + mesh.corner(t, 2)) / 3;
-    balls.push_back(inner_medial_ball(surface, p, mesh.area_normal(t).normalized(), 2, 1e-6));
+    balls.push_back(inner_medial_ball(surface, mesh.middle(t), mesh.area_normal(t).normalized(), 2, 1e-6));
     balls.back().radius += dilation;
   }
   return balls;
@@ -125,9 +124,7 @@ TEST(Certify, CrossingSolidsAreProvedByTheirWindingNumber) {
   for (int k = 0; k < 2000; k++) balls.push_back({Point(u(random), u(random), u(random)), 0.05});
   const ProtrusionBound bound = protrusion_bound(surface, balls);
   EXPECT_TRUE(bound.proved);
-  const auto in_box = [](const Point& p, const Point& low, const Point& high) {
-    return (p.array() > low.array()).all() && (p.array() < high.array()).all();
-  };
+  using shapes::in_box;
   for (std::size_t k = 0; k < balls.size(); k++) {
     const Point& c = balls[k].center;
     const bool inside = in_box(c, {0, 0, 0}, {1, 1, 1}) || in_box(c, {0.4, 0.4, 0.4}, {1.6, 0.6, 0.6});
@@ -148,20 +145,15 @@ TEST(Certify, SameResultForAnyNumberOfThreads) {
   const Surface surface(mesh);
   const std::vector<Ball> balls = balls_of(surface, 0.001);
   const BallSet set(balls);
-  const int before = omp_get_max_threads();
-  std::vector<GapBound> bounds;
-  std::vector<std::size_t> failures;
-  for (int threads : {1, 2, 5}) {
-    omp_set_num_threads(threads);
-    bounds.push_back(gap_bound(mesh, set));
-    failures.push_back(gap_failures(mesh, set, 0.5 * bounds[0].upper, 0.02).size());
-  }
-  omp_set_num_threads(before);
-  for (std::size_t k = 1; k < bounds.size(); k++) {
-    EXPECT_EQ(bounds[k].upper, bounds[0].upper);
-    EXPECT_EQ(bounds[k].lower, bounds[0].lower);
-    EXPECT_EQ(bounds[k].point, bounds[0].point);
-    EXPECT_EQ(failures[k], failures[0]);
+  const auto bound = [&] { return gap_bound(mesh, set); };
+  const GapBound one = with_threads(1, bound);
+  const auto failures = [&] { return gap_failures(mesh, set, 0.5 * one.upper, 0.02).size(); };
+  for (const int threads : {2, 5}) {
+    const GapBound more = with_threads(threads, bound);
+    EXPECT_EQ(more.upper, one.upper);
+    EXPECT_EQ(more.lower, one.lower);
+    EXPECT_EQ(more.point, one.point);
+    EXPECT_EQ(with_threads(threads, failures), with_threads(1, failures));
   }
 }
 

@@ -2,12 +2,12 @@
 #include "padding/verify/wrapped.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include "padding/by_tolerance/cover.h"
 #include "padding/meshing/repair.h"
 #include "padding/verify/certify.h"
 #include "tests/padding/random_input.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
@@ -24,20 +24,8 @@ Repaired wrapped(const Mesh& mesh, double tolerance) {
   return repair(mesh, {.mode = RepairMode::wrap, .tolerance = tolerance}, "input");
 }
 
-Point random_in(const Mesh& mesh, std::size_t t, RandomInput& random) {
-  double u = random.uniform(0, 1), v = random.uniform(0, 1);
-  if (u + v > 1) u = 1 - u, v = 1 - v;
-  const Point& a = mesh.corner(t, 0);
-  return a + u * (mesh.corner(t, 1) - a) + v * (mesh.corner(t, 2) - a);
-}
-
-std::size_t random_triangle(const Mesh& mesh, RandomInput& random) {
-  return static_cast<std::size_t>(random.uniform(0, 1) * static_cast<double>(mesh.triangles.size()));
-}
-
 TEST(Standoffs, AreUpperBoundsNearTheTruth) {
   for (std::uint64_t seed = 1; seed <= 5; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     const Mesh input = shapes::random_soup(random, 40, 0.3, 0.25), mesh = shapes::blob(random, 2);
     const Surface surface(input);
@@ -46,8 +34,7 @@ TEST(Standoffs, AreUpperBoundsNearTheTruth) {
     ASSERT_EQ(found.size(), mesh.triangles.size());
     for (std::size_t t = 0; t < found.size(); t++) {
       double largest = 0;
-      for (int k = 0; k < 200; k++)
-        largest = std::max(largest, surface.nearest(random_in(mesh, t, random)).distance);
+      for (int k = 0; k < 200; k++) largest = std::max(largest, surface.nearest(random.on(mesh, t)).distance);
       for (int k = 0; k < 3; k++) largest = std::max(largest, surface.nearest(mesh.corner(t, k)).distance);
       EXPECT_GE(found[t], largest);
       EXPECT_LE(found[t], largest + 3 * slack);  // 200 points miss the largest by some
@@ -56,8 +43,7 @@ TEST(Standoffs, AreUpperBoundsNearTheTruth) {
 }
 
 TEST(Standoffs, OfAParallelPlateAreItsDistance) {
-  Mesh above = shapes::square(1, 7);
-  for (Point& p : above.points) p.z() = 0.25;
+  const Mesh above = shapes::moved(shapes::square(1, 7), {0, 0, 0.25});
   for (const double standoff : standoffs(above, Surface(shapes::square(1, 50)), 0.002)) {
     EXPECT_GE(standoff, 0.25);
     EXPECT_LE(standoff, 0.252 + 1e-12);
@@ -102,7 +88,6 @@ TEST(Wrapped, TouchableSurfaceEndsWhereTheWrapIsFar) {
 TEST(Wrapped, ACertifiedCoverKeepsTheToleranceAgainstTheInput) {
   const double tolerance = 0.06;
   for (std::uint64_t seed = 1; seed <= 6; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     Mesh input = seed % 3 == 0 ? slit(random.uniform(0.01, 0.2))
                                : shapes::random_soup(random, 6 + int(seed), 0.3, 0.25);
@@ -112,16 +97,14 @@ TEST(Wrapped, ACertifiedCoverKeepsTheToleranceAgainstTheInput) {
     const auto hull =
         std::make_shared<const Surface>(wrap.mesh, wrap.side(), standoffs(wrap.mesh, plain, 0.001));
     const Surface surface(plain, hull);
-    CoverOptions options;
-    options.protrusion = options.gap = tolerance, options.effort = 0;
-    const Cover cover = cover_surface(surface, options);
+    const Cover cover = cover_surface(surface, {.protrusion = tolerance, .gap = tolerance, .effort = 0});
     ASSERT_EQ(cover.open.why, WhyOpen::nothing);
     ASSERT_TRUE(cover.proved);
     const BallSet balls(cover.balls);
     EXPECT_LE(gap_bound(input, balls, tolerance).upper, tolerance);
     double gap = 0, protrusion = 0;
     for (int k = 0; k < 20000; k++)
-      gap = std::max(gap, balls.gap(random_in(input, random_triangle(input, random), random)).value);
+      gap = std::max(gap, balls.gap(random.on(input, random.below(input.triangles.size()))).value);
     EXPECT_LE(gap, tolerance);
     for (int k = 0; k < 20000; k++) {
       const Ball& ball = cover.balls[static_cast<std::size_t>(k) % cover.balls.size()];
@@ -137,14 +120,10 @@ TEST(Wrapped, ACertifiedCoverKeepsTheToleranceAgainstTheInput) {
 TEST(Wrapped, SameForAnyNumberOfThreads) {
   RandomInput random(3);
   const Mesh input = shapes::random_soup(random, 30, 0.3, 0.25), mesh = shapes::blob(random, 3);
-  const int threads = omp_get_max_threads();
-  omp_set_num_threads(1);
-  const auto one = standoffs(mesh, Surface(input), 0.01);
-  const Touchable whole = touchable(input, Surface(mesh), 0.1, 0.01);
-  omp_set_num_threads(3);
-  EXPECT_EQ(standoffs(mesh, Surface(input), 0.01), one);
-  const Touchable again = touchable(input, Surface(mesh), 0.1, 0.01);
-  omp_set_num_threads(threads);
+  const auto found = [&] { return standoffs(mesh, Surface(input), 0.01); };
+  EXPECT_EQ(with_threads(1, found), with_threads(3, found));
+  const auto kept = [&] { return touchable(input, Surface(mesh), 0.1, 0.01); };
+  const Touchable whole = with_threads(1, kept), again = with_threads(3, kept);
   EXPECT_EQ(again.mesh.points, whole.mesh.points);
   EXPECT_EQ(again.buried.points, whole.buried.points);
 }

@@ -2,13 +2,13 @@
 #include "padding/view/picture.h"
 
 #include <gtest/gtest.h>
-#include <omp.h>
 #include <png.h>
 
 #include <cmath>
 
 #include "padding/asset/error.h"
 #include "tests/padding/shapes.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
@@ -63,10 +63,7 @@ TEST(Picture, SamePixelsTwiceAndForAnyThreads) {
   }
   const Picture first = render(v, small());
   EXPECT_EQ(first.rgb, render(v, small()).rgb);
-  const int before = omp_get_max_threads();
-  omp_set_num_threads(1);
-  EXPECT_EQ(first.rgb, render(v, small()).rgb);
-  omp_set_num_threads(before);
+  EXPECT_EQ(first.rgb, with_threads(1, [&] { return render(v, small()); }).rgb);
   EXPECT_EQ(png_bytes(first), png_bytes(render(v, small())));
 }
 

@@ -40,9 +40,17 @@ class PreviewTest(unittest.TestCase):
     def preview(self, *args, code=0):
         return self.run_tool("preview", *args, code=code)
 
-    def size_of(self, name):
+    def pictured(self, *args, size="64x64"):
+        """What preview reports of a small picture, quickly drawn, and what it warns of."""
+        done = self.preview(*args, "--size", size, "--samples", "1", "--json")
+        return json.loads(done.stdout), done.stderr
+
+    def bytes_of(self, name):
         with open(self.path(name), "rb") as f:
-            head = f.read(24)
+            return f.read()
+
+    def size_of(self, name):
+        head = self.bytes_of(name)[:24]
         self.assertEqual(head[:8], b"\x89PNG\r\n\x1a\n")
         return struct.unpack(">II", head[16:])
 
@@ -60,53 +68,45 @@ class PreviewTest(unittest.TestCase):
         self.run_tool("pad", "tetra.obj", "--preview", "tetra.jpg", code=2)
         self.run_tool("pad", "tetra.obj", "tetra.obj", "--preview", "tetra.png", code=2)
         # The mesh is found again by its name and bytes; under another name it must be told.
-        done = self.preview("tetra.spheres.json", "-o", "again.png", "--size", "64x64", "--samples", "1", "--json")
-        self.assertEqual(json.loads(done.stdout)["triangles"], 4)
+        self.assertEqual(self.pictured("tetra.spheres.json", "-o", "again.png")[0]["triangles"], 4)
         os.rename(self.path("tetra.obj"), self.path("moved.obj"))
-        done = self.preview("tetra.spheres.json", "-o", "again.png", "--size", "64x64", "--samples", "1", "--json")
-        self.assertEqual(json.loads(done.stdout)["triangles"], 0)
-        self.assertIn("--mesh", done.stderr)
-        done = self.preview("tetra.spheres.json", "--mesh", "moved.obj", "-o", "again.png", "--size", "64x64", "--samples", "1", "--json")
-        self.assertEqual((json.loads(done.stdout)["triangles"], done.stderr), (4, ""))
+        report, warning = self.pictured("tetra.spheres.json", "-o", "again.png")
+        self.assertEqual(report["triangles"], 0)
+        self.assertIn("--mesh", warning)
+        report, warning = self.pictured("tetra.spheres.json", "--mesh", "moved.obj", "-o", "again.png")
+        self.assertEqual((report["triangles"], warning), (4, ""))
 
     def test_a_picture_draws_one_level_of_a_ladder(self):
         self.run_tool("pad", "tetra.obj", "--lod", "10%,4%", "-q")
-        with open(self.path("tetra.spheres.json")) as f:
-            ladder = json.load(f)
+        ladder = json.loads(self.bytes_of("tetra.spheres.json"))
         counts = [ladder["spheres"]["count"], ladder["lods"][0]["spheres"]["count"]]
         self.assertGreater(counts[0], counts[1])
         pictures = []
         for level, count in enumerate(counts):
-            done = self.preview("tetra.spheres.json", "-o", "l.png", "--lod", str(level), "--size", "96x48", "--samples", "1", "--json")
-            report = json.loads(done.stdout)
+            report, _ = self.pictured("tetra.spheres.json", "-o", "l.png", "--lod", str(level), size="96x48")
             self.assertEqual((report["spheres"], report["levels"]), (count, 2))
-            with open(self.path("l.png"), "rb") as f:
-                pictures.append(f.read())
+            pictures.append(self.bytes_of("l.png"))
         self.assertNotEqual(*pictures)
         # The finest alone gives the picture of a cluster that holds nothing else.
         del ladder["lods"]
         with open(self.path("alone.spheres.json"), "w") as f:
             json.dump(ladder, f)
-        self.preview("alone.spheres.json", "-o", "l.png", "--size", "96x48", "--samples", "1")
-        with open(self.path("l.png"), "rb") as f:
-            self.assertEqual(f.read(), pictures[0])
+        self.pictured("alone.spheres.json", "-o", "l.png", size="96x48")
+        self.assertEqual(self.bytes_of("l.png"), pictures[0])
         for ending in ("png", "html") if PAGE else ("png",):
             self.assertIn("2 levels", self.preview("tetra.spheres.json", "-o", "l." + ending, "--lod", "2", code=1).stderr)
         for wrong in ("x", "-1"):
             self.preview("tetra.spheres.json", "-o", "l.png", "--lod", wrong, code=2)
 
     def test_scene_and_copies(self):
-        done = self.preview("scene.json", "-o", "s.png", "--size", "64x64", "--samples", "1", "--colour", "body", "--json")
-        self.assertEqual(json.loads(done.stdout)["bodies"], 2)
-        done = self.preview("ball.spheres.json", "--copies", "5", "-o", "s.png", "--size", "64x64", "--samples", "1", "--json")
-        self.assertEqual(json.loads(done.stdout)["spheres"], 5)
+        self.assertEqual(self.pictured("scene.json", "-o", "s.png", "--colour", "body")[0]["bodies"], 2)
+        self.assertEqual(self.pictured("ball.spheres.json", "--copies", "5", "-o", "s.png")[0]["spheres"], 5)
 
     def test_a_file_of_spheres(self):
         header = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4), }"
         with open(self.path("s.npy"), "wb") as f:
             f.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", 118) + header.ljust(117).encode() + b"\n" + struct.pack("<8f", 0, 0, 0, 1, 3, 0, 0, 1))
-        done = self.preview("s.npy", "-o", "s.png", "--size", "64x64", "--samples", "1", "--json")
-        self.assertEqual(json.loads(done.stdout)["spheres"], 2)
+        self.assertEqual(self.pictured("s.npy", "-o", "s.png")[0]["spheres"], 2)
 
     @unittest.skipUnless(PAGE, "the page is not built")
     def test_contacts_of_both_kinds_give_one_page(self):
@@ -114,10 +114,9 @@ class PreviewTest(unittest.TestCase):
         for ending in ("csv", "npz"):
             self.run_tool("detect", "scene.json", "-o", "c." + ending, "-q")
             self.preview("scene.json", "--contacts", "c." + ending, "-o", "s.html", "-q")
-            with open(self.path("s.html")) as f:
-                pages.append(f.read())
+            pages.append(self.bytes_of("s.html"))
         self.assertEqual(pages[0], pages[1])
-        self.assertIn('id="pairs"', pages[0])
+        self.assertIn(b'id="pairs"', pages[0])
 
     def test_wrong_usage_is_2_and_writes_nothing(self):
         for args in (["ball.spheres.json"], ["ball.spheres.json", "-o", "a.jpg"], ["ball.spheres.json", "-o", "a.png", "--size", "5x5"],

@@ -20,10 +20,6 @@
 #include <fcl/narrowphase/collision.h>
 #include <fcl/narrowphase/distance.h>
 
-#ifdef PADDER_MUJOCO
-#include <mujoco/mujoco.h>
-#endif
-
 #include <algorithm>
 #include <array>
 #include <cstdio>
@@ -43,6 +39,9 @@
 #include "padding/robot.h"
 #include "padding/robots/mjcf.h"
 #include "tests/padding/shapes.h"
+#ifdef PADDER_MUJOCO
+#include "tests/padding/in_mujoco.h"
+#endif
 
 namespace padder {
 namespace {
@@ -266,28 +265,21 @@ class Audit {
 #ifdef PADDER_MUJOCO
 class Mujoco {
  public:
-  explicit Mujoco(const fs::path& file) {
+  explicit Mujoco(const fs::path& file) : loaded_(file) {
     mju_user_warning = [](const char*) {};  // that its room for contacts is full: it would print that
-    char error[1000] = "";
-    model_ = mj_loadXML(file.c_str(), nullptr, error, sizeof error);
-    if (!model_) throw Error(file.string() + ": MuJoCo says: " + error);
-    data_ = mj_makeData(model_);
   }
-  ~Mujoco() { mj_deleteData(data_), mj_deleteModel(model_); }
-  Mujoco(const Mujoco&) = delete;
-  Mujoco& operator=(const Mujoco&) = delete;
 
   // The largest distance of a geom from its sphere. The value of a joint goes to the place that has its name.
   double error(const Model& robot, const std::vector<Part>& parts, const std::vector<double>& values,
                const Poses& poses) {
     for (std::size_t k = 0; k < values.size(); k++)
-      if (const int joint = mj_name2id(model_, mjOBJ_JOINT, robot.bodies[k].joint.name.c_str()); joint >= 0)
+      if (const int joint = loaded_.id(mjOBJ_JOINT, robot.bodies[k].joint.name); joint >= 0)
         data_->qpos[model_->jnt_qposadr[joint]] = values[k];
     mj_forward(model_, data_);
     double worst = 0;
     for (std::size_t k = 0; k < parts.size(); k++) {
       if (parts[k].spheres.size() == 0) continue;
-      const int body = mj_name2id(model_, mjOBJ_BODY, robot.bodies[k].name.c_str());
+      const int body = loaded_.id(mjOBJ_BODY, robot.bodies[k].name);
       if (body < 0 || model_->body_geomnum[body] != static_cast<int>(parts[k].spheres.size()))
         throw Error("MuJoCo's body " + robot.bodies[k].name + " has another number of spheres");
       for (std::size_t s = 0; s < parts[k].spheres.size(); s++) {
@@ -304,8 +296,9 @@ class Mujoco {
   }
 
  private:
-  mjModel* model_ = nullptr;
-  mjData* data_ = nullptr;
+  InMujoco loaded_;
+  mjModel* model_ = loaded_.model;
+  mjData* data_ = loaded_.data;
 };
 #endif
 

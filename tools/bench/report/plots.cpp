@@ -296,9 +296,9 @@ Plot silo_plot(const std::vector<Reader>& rows, const std::string& backend, cons
       "'\nset ylabel 'Time of a step [ms]'\nset grid\nset key left top\nset xrange [0:*]\nset yrange "
       "[0:*]\n" +
       data +
-      "EOD\nplot $silo using 1:2 with linespoints lw 2 pt 7 title 'step', $silo using 1:3 with "
-      "linespoints lw 2 pt 5 title 'of it detection, candidates kept', $silo using 1:4 with linespoints "
-      "lw 2 pt 9 title 'detection in every step'";
+      "EOD\nplot $silo using 1:2 with linespoints lw 2 pt 7 title 'step', $silo using 1:3 with linespoints "
+      "lw 2 pt 5 title 'of it detection, candidates kept', $silo using 1:4 with linespoints lw 2 pt 9 title "
+      "'detection in every step'";
   if (history) script += ", $silo using 1:5 with linespoints lw 2 pt 11 title 'one call with a history'";
   return {name, script + "\n"};
 }
@@ -337,14 +337,11 @@ std::vector<Plot> shoe_plots(const Json& document, const std::string& where) {
          "set xlabel 'Time of a step [ms]" + std::string(backend == "omp" ? ", of processors" : "") +
              "'\nset ylabel 'Mean error of a normal [degrees]'\nset y2label 'Error [% of the diagonal]'\nset "
              "y2tics\nset xrange [0:*]\nset logscale y\nset logscale y2\nset ytics nomirror\nset grid\nset "
-             "key right "
-             "top\n$shoe << "
-             "EOD\n" +
+             "key right top\n$shoe << EOD\n" +
              rows +
              "EOD\nplot $shoe using 1:2 with linespoints lw 2 pt 7 title 'normal', $shoe using 1:2:5 with "
              "labels offset 0,1 notitle, $shoe using 1:3 axes x1y2 with linespoints lw 2 pt 5 title "
-             "'distance "
-             "(right)', $shoe using 1:4 axes x1y2 with linespoints lw 2 pt 9 title 'resting height "
+             "'distance (right)', $shoe using 1:4 axes x1y2 with linespoints lw 2 pt 9 title 'resting height "
              "(right)'\n"});
   return plots;
 }

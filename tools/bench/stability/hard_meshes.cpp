@@ -12,10 +12,9 @@ namespace {
 using detect::SplitMix64;
 constexpr double kTurn = 2 * std::numbers::pi;
 
-Mesh sum(const std::vector<Mesh>& parts) {
-  Mesh all;
-  for (const Mesh& part : parts) all.add(part);
-  return all;
+Mesh joined(Mesh mesh, const Mesh& more) {
+  mesh.add(more);
+  return mesh;
 }
 
 Mesh moved(Mesh mesh, const Vector& scale, const Vector& shift = Vector::Zero()) {
@@ -67,10 +66,8 @@ Mesh ball(double radius, int n = 24) {
 
 // A tetrahedron with its tip in the origin.
 Mesh spike(double length, double width) {
-  Mesh mesh;
-  mesh.points = {{0, 0, 0}, {length, width, 0}, {length, -width, width}, {length, -width, -width}};
-  mesh.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}};
-  return mesh;
+  return {{{0, 0, 0}, {length, width, 0}, {length, -width, width}, {length, -width, -width}},
+          {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}}};
 }
 
 // A cone whose n triangles all meet in its tip, and a disc of n slivers below it.
@@ -163,11 +160,7 @@ Mesh soup(int n) {
   return mesh;
 }
 
-Mesh one_triangle(const Point& third) {
-  Mesh mesh;
-  mesh.points = {{0, 0, 0}, {1, 0, 0}, third}, mesh.triangles = {{0, 1, 2}};
-  return mesh;
-}
+Mesh one_triangle(const Point& third) { return {{{0, 0, 0}, {1, 0, 0}, third}, {{0, 1, 2}}}; }
 
 Mesh cut_sides() {
   Mesh mesh = box();
@@ -201,33 +194,24 @@ Mesh random_turns() {
 Mesh shaken() {
   SplitMix64 random(4);
   Mesh mesh = box(Vector::Ones(), Vector::Zero(), 10), loose;
-  for (const auto& t : mesh.triangles)  // each triangle by itself: cracks and overlaps of 1e-7
-    for (const std::uint32_t v : t)
-      loose.points.push_back(mesh.points[v] +
-                             1e-7 * Vector(random.signed_unit(), random.signed_unit(), random.signed_unit()));
-  for (std::uint32_t k = 0; k < loose.points.size(); k += 3) loose.triangles.push_back({k, k + 1, k + 2});
+  for (std::size_t t = 0; t < mesh.triangles.size(); t++) {  // by itself: cracks and overlaps of 1e-7
+    auto corners = mesh.corners(t);
+    for (Point& p : corners)
+      p += 1e-7 * Vector(random.signed_unit(), random.signed_unit(), random.signed_unit());
+    loose.add(corners);
+  }
   return loose;
 }
 
 std::vector<HardMesh> shapes() {
   const Right ok = Right::certified;
+  const auto boxed = [](const Vector& size) { return [=] { return box(size); }; };
+  const auto triangle = [](const Point& third) { return [=] { return one_triangle(third); }; };
   return {
-      {"needle", "a box of 1e6 : 1 : 1", ok,
-       [] {
-         return box({1e6, 1, 1});
-       }},
-      {"plate", "a box of 1e6 : 1e6 : 1", ok,
-       [] {
-         return box({1e6, 1e6, 1});
-       }},
-      {"ribbon", "a box of 1e6 : 1e3 : 1", ok,
-       [] {
-         return box({1e6, 1e3, 1});
-       }},
-      {"film", "a box of 1 : 1 : 1e-15", ok,
-       [] {
-         return box({1, 1, 1e-15});
-       }},
+      {"needle", "a box of 1e6 : 1 : 1", ok, boxed({1e6, 1, 1})},
+      {"plate", "a box of 1e6 : 1e6 : 1", ok, boxed({1e6, 1e6, 1})},
+      {"ribbon", "a box of 1e6 : 1e3 : 1", ok, boxed({1e6, 1e3, 1})},
+      {"film", "a box of 1 : 1 : 1e-15", ok, boxed({1, 1, 1e-15})},
       {"spike", "a tetrahedron with a tip of 1e-6 rad", ok, [] { return spike(1, 1e-6); }},
       {"slivers", "4,000 triangles that meet in two points", ok, [] { return cone(2000); }},
       {"comb", "1,000 teeth", ok, [] { return comb(1000); }},
@@ -244,75 +228,40 @@ std::vector<HardMesh> shapes() {
       {"spindle torus", "crosses itself: winding numbers 1 and 2", ok, spindle},
       {"folded sheet", "400 walls of no thickness, 0.001 apart", ok, folded_sheet},
       {"1,000 triangles", "at random places", ok, [] { return soup(1000); }, 0.02},
-      {"one triangle", "nothing else", ok,
-       [] {
-         return one_triangle({0.3, 0.8, 0});
-       }},
-      {"sliver", "one triangle of 1 : 1e-9", ok,
-       [] {
-         return one_triangle({0.5, 1e-9, 0});
-       }},
-      {"no area", "one triangle, its corners on a line", Right::refused,
-       [] {
-         return one_triangle({2, 0, 0});
-       }},
+      {"one triangle", "nothing else", ok, triangle({0.3, 0.8, 0})},
+      {"sliver", "one triangle of 1 : 1e-9", ok, triangle({0.5, 1e-9, 0})},
+      {"no area", "one triangle, its corners on a line", Right::refused, triangle({2, 0, 0})},
       {"one point", "three corners at one place", Right::refused,
-       [] {
-         return moved(one_triangle({0, 1, 0}), Vector::Zero());
+       [triangle] {
+         return moved(triangle({0, 1, 0})(), Vector::Zero());
        }},
   };
 }
 
 std::vector<HardMesh> pairs_and_sizes() {
   const Right ok = Right::certified;
-  const auto two = [](const Vector& shift) { return sum({box(), box(Vector::Ones(), shift)}); };
+  const auto two = [](const Vector& shift) {
+    return [=] { return joined(box(), box(Vector::Ones(), shift)); };
+  };
+  const auto far = [](double at) { return [=] { return box(Vector::Ones(), Vector::Constant(at)); }; };
   std::vector<HardMesh> out = {
-      {"twice the same", "two shells at one place", ok, [two] { return two(Vector::Zero()); }},
+      {"twice the same", "two shells at one place", ok, two(Vector::Zero())},
       {"two ways", "a shell, and the same turned inside out", ok,
-       [] {
-         return sum({box(), turned(box())});
-       }},
+       [] { return joined(box(), turned(box())); }},
       {"nested", "a ball in a ball in a ball, all facing outward", ok,
-       [] {
-         return sum({ball(1), ball(0.6), ball(0.3)});
-       }},
-      {"hollow", "a ball with a hollow in it", ok,
-       [] {
-         return sum({ball(1), turned(ball(0.6))});
-       }},
+       [] { return joined(joined(ball(1), ball(0.6)), ball(0.3)); }},
+      {"hollow", "a ball with a hollow in it", ok, [] { return joined(ball(1), turned(ball(0.6))); }},
       {"thin hollow", "a wall of 1e-9", ok,
-       [] {
-         return sum({box(), turned(box(Vector::Constant(1 - 2e-9), Vector::Constant(1e-9)))});
-       }},
-      {"gap", "two boxes 1e-12 apart", ok,
-       [two] {
-         return two({1 + 1e-12, 0, 0});
-       }},
-      {"overlap", "two boxes that overlap by 1e-12", ok,
-       [two] {
-         return two({1 - 1e-12, 0.3, 0});
-       }},
-      {"face", "two boxes that share a face", ok,
-       [two] {
-         return two({1, 0, 0});
-       }},
-      {"edge", "two boxes that share an edge", ok,
-       [two] {
-         return two({1, 1, 0});
-       }},
-      {"point", "two boxes that share a corner", ok,
-       [two] {
-         return two({1, 1, 1});
-       }},
-      {"far pair", "two boxes 1e6 of their size apart", ok,
-       [two] {
-         return two({1e6, 0, 0});
-       }},
-      {"at 1e7", "a box of 1 at 1e7", ok, [] { return box(Vector::Ones(), Vector::Constant(1e7)); }},
-      {"at 1e15", "a box of 1 at 1e15: doubles are 0.125 apart", Right::not_certified,
-       [] { return box(Vector::Ones(), Vector::Constant(1e15)); }},
-      {"at 1e17", "a box of 1 at 1e17: it vanishes in rounding", Right::refused,
-       [] { return box(Vector::Ones(), Vector::Constant(1e17)); }},
+       [] { return joined(box(), turned(box(Vector::Constant(1 - 2e-9), Vector::Constant(1e-9)))); }},
+      {"gap", "two boxes 1e-12 apart", ok, two({1 + 1e-12, 0, 0})},
+      {"overlap", "two boxes that overlap by 1e-12", ok, two({1 - 1e-12, 0.3, 0})},
+      {"face", "two boxes that share a face", ok, two({1, 0, 0})},
+      {"edge", "two boxes that share an edge", ok, two({1, 1, 0})},
+      {"point", "two boxes that share a corner", ok, two({1, 1, 1})},
+      {"far pair", "two boxes 1e6 of their size apart", ok, two({1e6, 0, 0})},
+      {"at 1e7", "a box of 1 at 1e7", ok, far(1e7)},
+      {"at 1e15", "a box of 1 at 1e15: doubles are 0.125 apart", Right::not_certified, far(1e15)},
+      {"at 1e17", "a box of 1 at 1e17: it vanishes in rounding", Right::refused, far(1e17)},
   };
   for (const char* size : {"1e-300", "1e-150", "1e-30", "1e-12", "1e12", "1e30", "1e38", "1e150", "1e300"}) {
     const double by = std::strtod(size, nullptr);

@@ -48,15 +48,10 @@ class List {
     const std::string name = piped ? "the manifest on stdin" : a_.manifest;
     if (text.find('\0') != std::string::npos)
       throw UsageError(name + ": it holds zero bytes, so it is no list of parts: save it as UTF-8");
-    std::size_t number = 0;
-    for (std::size_t at = text.starts_with("\xEF\xBB\xBF") ? 3 : 0; at < text.size();) {  // a byte order mark
-      const std::size_t end = std::min(text.find('\n', at), text.size());
-      std::string line = text.substr(at, end - at);
-      at = end + 1, number++;
-      if (!line.empty() && line.back() == '\r') line.pop_back();
-      if (line.empty() || line[0] == '#') continue;
-      add_line(line, folder, name + ", line " + std::to_string(number));
-    }
+    reading::Lines lines(text);
+    for (std::string_view line; lines.next(line);)
+      if (!line.empty() && line[0] != '#')
+        add_line(std::string(line), folder, name + ", line " + std::to_string(lines.number()));
   }
 
   // Every mesh below a folder, without hidden files and what was written before.

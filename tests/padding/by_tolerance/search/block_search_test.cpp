@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: MIT
 #include "padding/by_tolerance/search/block_search.h"
 
-
 #include <gtest/gtest.h>
-#include <omp.h>
 
 #include "padding/geometry/point_tree.h"
 #include "padding/geometry/random.h"
+#include "tests/padding/threads.h"
 
 namespace padder {
 namespace {
@@ -57,16 +56,11 @@ TEST(BlockSearch, SameResultForAnyNumberOfThreads) {
   const Discs discs(80, 3000, 0.06);
   SetCover greedy(discs.sets, discs.points.size());
   greedy.greedy();
-  const int before = omp_get_max_threads();
-  std::vector<std::vector<std::uint32_t>> covers;
-  for (int threads : {1, 2, 5}) {
-    omp_set_num_threads(threads);
-    covers.push_back(
-        improve_in_blocks(discs.sets, discs.points.size(), discs.centers, greedy.best(), {.block = 20}));
-  }
-  omp_set_num_threads(before);
-  EXPECT_EQ(covers[1], covers[0]);
-  EXPECT_EQ(covers[2], covers[0]);
+  const auto cover = [&] {
+    return improve_in_blocks(discs.sets, discs.points.size(), discs.centers, greedy.best(), {.block = 20});
+  };
+  const auto one = with_threads(1, cover);
+  for (const int threads : {2, 5}) EXPECT_EQ(with_threads(threads, cover), one);
 }
 
 TEST(BlockSearch, SetsThatAreKeptCoverTheirElements) {

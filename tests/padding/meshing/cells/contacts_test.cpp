@@ -69,9 +69,8 @@ TEST(Contacts, OfTrianglesWithoutCommonVerticesAreThoseOfCgal) {
 
 TEST(Contacts, NeighboursTouchOnlyWhereTheyFold) {
   EXPECT_TRUE(find_contacts(Surface(shapes::sphere(3))).pairs.empty());
-  Mesh fold;
-  fold.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0.2, 0.2, 0}, {0.2, 0.2, 1}, {0.4, 0.3, -1}};
-  fold.triangles = {{0, 1, 2}, {0, 1, 3}};
+  Mesh fold{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0.2, 0.2, 0}, {0.2, 0.2, 1}, {0.4, 0.3, -1}},
+            {{0, 1, 2}, {0, 1, 3}}};
   EXPECT_EQ(find_contacts(Surface(fold)).overlaps.size(), 1u);
   fold.triangles = {{0, 1, 2}, {0, 1, 4}};
   EXPECT_TRUE(find_contacts(Surface(fold)).pairs.empty());
@@ -83,10 +82,7 @@ TEST(Contacts, NeighboursTouchOnlyWhereTheyFold) {
 
 // Whether two triangles meet when there are no others.
 bool meet_alone(const Mesh& mesh, std::uint32_t s, std::uint32_t t) {
-  Mesh two;
-  two.points = mesh.points;
-  two.triangles = {mesh.triangles[s], mesh.triangles[t]};
-  return any_contact(Surface(two));
+  return any_contact(Surface({mesh.points, {mesh.triangles[s], mesh.triangles[t]}}));
 }
 
 // Two fans of so many triangles that they are looked at from their tips, which reach through each other and
@@ -133,12 +129,8 @@ TEST(Contacts, OfACone) {
 TEST(Contacts, PassiveTrianglesCutNothing) {
   Mesh mesh = shapes::box({0, 0, 0}, {1, 1, 1});
   const auto walls = static_cast<std::uint32_t>(mesh.triangles.size());
-  for (const double turn : {0.1, 0.3}) {
-    const auto first = static_cast<std::uint32_t>(mesh.points.size());
-    for (const Point& p : {Point(-1, turn, 0.4), Point(2, 0.4, 0.5), Point(0.5, 0.8, 0.9 - turn)})
-      mesh.points.push_back(p);
-    mesh.triangles.push_back({first, first + 1, first + 2});
-  }
+  for (const double turn : {0.1, 0.3})
+    mesh.add({Point(-1, turn, 0.4), Point(2, 0.4, 0.5), Point(0.5, 0.8, 0.9 - turn)});
   std::vector<char> passive(mesh.triangles.size(), 0);
   passive[walls] = passive[walls + 1] = 1;
   const Contacts all = find_contacts(Surface(mesh)), some = find_contacts(Surface(mesh), 1000, passive);
@@ -149,7 +141,7 @@ TEST(Contacts, PassiveTrianglesCutNothing) {
 
 // Do edges lead from s to t whose ends lie within a ball around the middle of s?
 bool is_fold(const Mesh& mesh, std::uint32_t s, std::uint32_t t, double size) {
-  const Point middle = (mesh.corner(s, 0) + mesh.corner(s, 1) + mesh.corner(s, 2)) / 3;
+  const Point middle = mesh.middle(s);
   const auto in = [&](std::uint32_t v) { return (mesh.points[v] - middle).norm() <= size; };
   std::set<std::uint32_t> reached(mesh.triangles[s].begin(), mesh.triangles[s].end());
   for (const auto& corners : {mesh.triangles[s], mesh.triangles[t]})
@@ -166,9 +158,9 @@ bool is_fold(const Mesh& mesh, std::uint32_t s, std::uint32_t t, double size) {
 }
 
 TEST(Contacts, FoldsAreCountedWhereNothingElseMeets) {
-  Mesh rough = shapes::sphere(3), plate = shapes::box({0, 0, 0}, {1, 1, 0.05}, 8);
   shapes::RandomInput random(3);
-  for (Point& p : rough.points) p += 0.16 * random.direction();
+  const Mesh rough = shapes::roughened(shapes::sphere(3), 0.16, random);
+  Mesh plate = shapes::box({0, 0, 0}, {1, 1, 0.05}, 8);
   for (Point& p : plate.points)
     if (p.z() > 0.04 && (p - Point(0.5, 0.5, 0.05)).norm() < 0.15) p.z() = -0.05;  // through the other face
   std::set<bool> answers;

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "padding/geometry/indices.h"
+#include "tests/padding/shapes.h"
 
 namespace padder {
 namespace {
@@ -45,10 +46,8 @@ TEST(Cracks, APinholeIsNone) {
 TEST(Cracks, ASmallRimBesideAnotherIsOne) {
   constexpr double width = 1e-4;
   Mesh mesh = open_cone(0.3 * width, false);
-  const Mesh below = open_cone(0.3 * width, true);
-  const auto first = static_cast<std::uint32_t>(mesh.points.size());
-  for (const Point& p : below.points) mesh.points.push_back(Point(p.x(), p.y(), 2 + 0.01 * width - p.z()));
-  for (const auto& [a, b, c] : below.triangles) mesh.triangles.push_back({first + a, first + c, first + b});
+  mesh.add(shapes::mapped(shapes::turned_over(open_cone(0.3 * width, true)),
+                          [](const Point& p) { return Point(p.x(), p.y(), 2 + 0.01 * width - p.z()); }));
   std::vector<DirectedEdge> missing = missing_edges(mesh, numbered(mesh.triangles.size()));
   EXPECT_EQ(missing.size(), 72u);
   EXPECT_FALSE(close_cracks(mesh, missing, width).empty());

@@ -12,7 +12,7 @@
 namespace padder {
 namespace {
 
-using shapes::RandomInput, shapes::joined, shapes::turned_over;
+using shapes::RandomInput, shapes::joined, shapes::moved, shapes::turned_over;
 
 std::vector<std::uint32_t> all_of(const Mesh& mesh) { return numbered(mesh.triangles.size()); }
 
@@ -21,16 +21,15 @@ std::vector<std::uint32_t> all_of(const Mesh& mesh) { return numbered(mesh.trian
 Mesh faces_of_a_cube(RandomInput& random, double off) {
   Mesh all;
   for (int face = 0; face < 6; face++) {
-    Mesh one = shapes::face_of_cube(face, 1 + static_cast<int>(random.uniform(0, 4.999)));
-    for (Point& p : one.points) p += off * random.direction();
-    all = joined(all, random.uniform(0, 1) < 0.5 ? turned_over(one) : one);
+    const int parts = 1 + static_cast<int>(random.uniform(0, 4.999));
+    const Mesh one = shapes::roughened(shapes::face_of_cube(face, parts), off, random);
+    all.add(random.uniform(0, 1) < 0.5 ? turned_over(one) : one);
   }
   return all;
 }
 
 TEST(FaceAlike, FacesOfACubeThatAreDividedEachByItself) {
   for (std::uint64_t seed = 1; seed <= 20; seed++) {
-    SCOPED_TRACE("seed " + std::to_string(seed));
     RandomInput random(seed);
     const double off = seed % 2 ? 0 : 1e-8;
     Mesh mesh = faces_of_a_cube(random, off);
@@ -43,9 +42,7 @@ TEST(FaceAlike, FacesOfACubeThatAreDividedEachByItself) {
     EXPECT_EQ(differ, turned);
     EXPECT_EQ(face_alike(mesh, all_of(mesh), 1e-5), 0u);
     // With a gap of 0 nothing may be moved or split.
-    RepairOptions options;
-    options.join_width = 0;
-    const Repaired r = mend(given, options).value();
+    const Repaired r = mend(given, {.join_width = 0}).value();
     EXPECT_EQ(r.kind, BodyKind::solid);
     EXPECT_NEAR(mass_properties(r.boundary()).volume, 1, 1e-6);
   }
@@ -53,26 +50,21 @@ TEST(FaceAlike, FacesOfACubeThatAreDividedEachByItself) {
 
 // A copy that lies on a sheet would close it to a shell without thickness.
 TEST(FaceAlike, ACopyTellsNothing) {
-  Mesh sheet = shapes::square(1, 3), copy = sheet;
-  for (Point& p : copy.points) p.z() += 1e-6;
+  const Mesh sheet = shapes::square(1, 3), copy = moved(sheet, {0, 0, 1e-6});
   for (const Mesh& other : {copy, turned_over(copy)}) {
     Mesh mesh = joined(sheet, other);
     EXPECT_EQ(face_alike(mesh, all_of(mesh), 1e-5), 0u);
   }
   // What goes on beside it does.
-  for (Point& p : copy.points) p.x() += 1;
-  Mesh mesh = joined(sheet, turned_over(copy));
+  Mesh mesh = joined(sheet, turned_over(moved(copy, {1, 0, 0})));
   EXPECT_EQ(face_alike(mesh, all_of(mesh), 1e-5), copy.triangles.size());
 }
 
 // Pieces that touch in a corner, or whose borders are farther apart, do not border on each other.
 TEST(FaceAlike, OnlyAcrossACrack) {
   const Mesh sheet = shapes::square(1, 2);
-  Mesh away = turned_over(sheet), corner = away;
-  for (Point& p : away.points) p.x() += 1 + 1e-4;
-  for (Point& p : corner.points) p.x() += 1, p.y() += 1;
-  for (const Mesh& other : {away, corner}) {
-    Mesh mesh = joined(sheet, other);
+  for (const Vector& by : {Vector(1 + 1e-4, 0, 0), Vector(1, 1, 0)}) {
+    Mesh mesh = joined(sheet, turned_over(moved(sheet, by)));
     EXPECT_EQ(face_alike(mesh, all_of(mesh), 1e-5), 0u);
   }
 }
