@@ -20,6 +20,8 @@ constexpr double kStride = 0.7;
 constexpr int kRungs = 64, kRungsBelow = 8;
 constexpr std::size_t kFewBalls = 32;
 constexpr double kOfGuess = 0.35;  // the tolerance sum of few balls may be this share of its guess
+// A cover is smoother than another one if its mean normal error is less than such a share of the other's.
+constexpr double kSmoother = 0.98;
 // Half of what is promised. The other half is for errors of the estimate.
 constexpr double kVolumeGoal = 0.005;
 
@@ -176,18 +178,24 @@ class CullSearch {
   }
 
   // Shrinks the tolerance sum until the mean normal error is as asked or the count is used up: dents of the
-  // union are as deep as the tolerance sum.
+  // union are as deep as the tolerance sum. Ends where smaller sums are no smoother, as in a thin plate, from
+  // which balls of any size stand out alike, and goes back to the smoothest, which has fewer balls.
   double smoother(double tolerance_sum, Culled& culled) {
     const double least = std::max(0.05 * tolerance_sum, 2 * kSmallestError * diagonal_);
-    for (int step = 0; step < 6; step++) {
-      if (!cover_with_few(tolerance_sum)) return tolerance_sum_;
-      culled.normal_error = union_shape(surface_, dilated(0.5 * tolerance_sum)).normal_error;
-      if (culled.normal_error <= options_.smooth || tolerance_sum <= least) break;
+    double smoothest = std::numeric_limits<double>::infinity(), smoothest_sum = tolerance_sum_;
+    best_ = cover_;
+    for (int step = 0, vain = 0; step < 6 && vain < 2 && cover_with_few(tolerance_sum); step++) {
+      const double error = union_shape(surface_, dilated(0.5 * tolerance_sum)).normal_error;
+      vain++;
+      if (error <= options_.smooth || error < kSmoother * smoothest)
+        smoothest = error, best_ = cover_, smoothest_sum = tolerance_sum, vain = 0;
+      if (error <= options_.smooth || tolerance_sum <= least) break;
       // On a flat, the normal error grows with the root of the tolerance sum.
-      const double ratio = 0.95 * options_.smooth / culled.normal_error;
+      const double ratio = 0.95 * options_.smooth / error;
       tolerance_sum = std::max(least, tolerance_sum * std::clamp(ratio * ratio, 0.1, 0.9));
     }
-    return tolerance_sum;
+    cover_ = best_, tolerance_sum_ = smoothest_sum, culled.normal_error = smoothest;
+    return tolerance_sum_;
   }
 
   // The smallest and the largest dilation that keep both bounds.
