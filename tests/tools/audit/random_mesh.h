@@ -42,10 +42,7 @@ class RandomMesh {
         return shapes::torus(1, random_.uniform(0.2, 0.9), 6 + below(8), 4 + below(5));
       default:
         tell("tetrahedron");
-        Mesh mesh;
-        mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-        mesh.triangles = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
-        return mesh;
+        return {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}}};
     }
   }
 
@@ -121,11 +118,8 @@ class RandomMesh {
         break;
       default:
         tell("loose triangles");
-        for (int k = 1 + below(4); k > 0; k--) {
-          const auto first = static_cast<std::uint32_t>(mesh_.points.size());
-          for (int corner = 0; corner < 3; corner++) mesh_.points.push_back(random_.point(1.5));
-          mesh_.triangles.push_back({first, first + 1, first + 2});
-        }
+        for (int k = 1 + below(4); k > 0; k--)
+          mesh_.add({random_.point(1.5), random_.point(1.5), random_.point(1.5)});
     }
   }
 
