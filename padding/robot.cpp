@@ -13,7 +13,7 @@
 #include "padding/input/text.h"
 #include "padding/meshing/pieces.h"
 #include "padding/meshing/repair.h"
-#include "padding/robots/mjcf.h"
+#include "padding/robots/robot_file.h"
 #include "padding/self_collision.h"
 #include "padding/shape_mesh.h"
 

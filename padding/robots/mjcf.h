@@ -21,11 +21,10 @@ namespace padder {
 // * Of the rest, as loops, tendons and sensors, a note lists what was left out.
 // * The file: default classes, childclass, `include`, `frame`, and of the compiler angle, eulerseq, meshdir,
 //   assetdir, strippath and settotalmass.
-// * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets that of its geoms, seen
-// or
-//   touching. If a mesh or a shell is among them, its moments follow from the shape that is padded, and so
-//   does its mass, with a density, unless all of them state one. Without spheres such a body has no mass.
-//   Notes say so.
+// * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets that of its geoms,
+//   whether seen or touching. If a mesh or a shell is among them, its moments follow from the shape that is
+//   padded, and so does its mass, with a density, unless all of them state one. Without spheres such a body
+//   has no mass. Notes say so.
 //
 // Throws Error, which names the file and the element, for what changes the shape and is not read:
 // coordinate="global", `replicate`, `composite`, `flexcomp`, `attach`, meshes whose vertices stand in the
@@ -33,13 +32,5 @@ namespace padder {
 // number where one should be, a class or mesh that is not there, a name twice, a mesh file that is not there.
 // Of meshes that are not padded, the files are not read.
 RobotTree read_mjcf(const std::filesystem::path& path, const RobotReadOptions& options = {});
-
-// Is it a robot to be padded, and not a file of spheres? A .urdf, a .xacro and a .xml are, in any case of
-// letters, but for an MJCF that says no more than which spheres its bodies have, and has no joint in a body.
-// A .xml that cannot be read counts, too.
-bool is_robot_file(const std::filesystem::path& path);
-
-// By read_mjcf if the file ends in .xml and is no URDF, otherwise by read_urdf.
-RobotTree read_robot(const std::filesystem::path& path, const RobotReadOptions& options = {});
 
 }  // namespace padder

@@ -7,7 +7,7 @@
 #include "padding/import/import.h"
 #include "padding/input/read_internal.h"
 #include "padding/meshing/write_mesh.h"
-#include "padding/robots/mjcf.h"
+#include "padding/robots/robot_file.h"
 #include "padding/view/page.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"

@@ -7,6 +7,7 @@
 #include <set>
 
 #include "padding/robot.h"
+#include "padding/robots/robot_file.h"
 #include "tests/error_of.h"
 #include "tests/padding/export/samples.h"
 #include "tests/padding/in_mujoco.h"

@@ -37,7 +37,7 @@
 #include "padding/import/import.h"
 #include "padding/meshing/repair.h"
 #include "padding/robot.h"
-#include "padding/robots/mjcf.h"
+#include "padding/robots/robot_file.h"
 #include "tests/padding/shapes.h"
 #ifdef PADDER_MUJOCO
 #include "tests/padding/in_mujoco.h"
