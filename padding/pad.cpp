@@ -252,7 +252,9 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
   PadReport& report = job.report;
   const bool hollow = asked.filled && !report.filled_body && job.body.kind != BodyKind::sheet;
   const bool within_tolerance = asked.kept_by(a) && !hollow;
-  if (hollow && why.empty()) why = "the inside of the body could not be proved to be covered";
+  if (hollow && why.empty())
+    why = std::string("the inside of the body could not be proved to be covered") +
+          (job.options.repair == RepairMode::wrap ? ": --repair auto may help" : "");
   std::string reason = unproved(m, balls.size());
   a.certified = within_tolerance && reason.empty();
   if (!within_tolerance) {
