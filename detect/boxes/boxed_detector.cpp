@@ -105,7 +105,7 @@ class BoxedDetector::Work {
   const char* backend() const {
     return on_host_ == workers_.size() ? "omp" : on_host_ == 0 ? "cuda" : "cuda and omp";
   }
-  // `most`: spheres.
+  // Throws Error if there are more than `most` spheres.
   const BoxReport& run(const Input& input, const ContactConsumer& consumer, std::uint64_t most);
   const Contacts& list(const Input& input);
 

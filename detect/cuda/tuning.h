@@ -82,7 +82,7 @@ inline constexpr int kOctaveBlocks = 5;
 
 // ---- Bodies ----
 // What it costs to search bodies first, in spheres that are expanded and searched: where a revision says that
-// most of the scene stays, and where all is read in each call. Fitted to 200 piles of bodies of 1 to 200
+// most of the scene stays, and where all is read in each call. Fitted to 324 piles of bodies of 1 to 200
 // spheres, of 25,000 to 43 million spheres in all (docs/experiments/bodies.md); what is static, with 100,000
 // and 1,000,000 loose spheres.
 inline constexpr BodyCosts kKnownBodies{.octave = 0.5,

@@ -190,7 +190,8 @@ template Summary summarize(const View<double>&, int);
 
 namespace {
 
-// Measured with one thread, by `bench shapes`; `static_each` with 100,000 loose spheres.
+// Fitted to 88 piles of bodies of 1 to 200 spheres, on one thread (docs/experiments/bodies.md); `static_each`
+// with 100,000 loose spheres.
 constexpr BodyCosts kBodyCosts{.octave = 0.5, .ball = 1.3, .pair = 0.9, .contact = 0.5, .static_each = 9};
 // Worlds are searched by their spheres, side by side, where a body, or loose sphere, has no more on average;
 // otherwise by the tree. Both ways were measured on both sides of it (docs/experiments/worlds.md).

@@ -117,8 +117,8 @@ TEST(BodyChoice, WhatHasNoOtherWayAndWhatIsCheaper) {
   EXPECT_FALSE(s.first({.ball = 3}));
 }
 
-// Of rods, which n touching spheres in a row are: n^2 / n^3; and of many spheres at one place, which are as
-// large as their ball.
+// Of a rod of n touching spheres, whose ball has n times their radius; and of many spheres at one place, each
+// as large as their ball.
 TEST(BodyChoice, TheCensusTellsHowFullBallsAre) {
   Random random = random_of_new_seed();
   Strewn s;
