@@ -5,6 +5,7 @@
 // colours of an error, the mesh is coloured point by point, and each sphere by its largest. Contacts are
 // arrows.
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -42,7 +43,7 @@ struct Picture {
   std::vector<std::uint8_t> rgb;
 
   Colour at(int x, int y) const {
-    const std::uint8_t* p = rgb.data() + 3 * (std::size_t(y) * width + x);
+    const std::uint8_t* p = rgb.data() + 3 * (y * std::ptrdiff_t(width) + x);
     return {p[0], p[1], p[2]};
   }
 };
