@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: MIT
 // Random sequences of calls on a ResidentDetector: resident_model.h.
-#include <random>
-
 #include "tests/detect/cuda/resident_model.h"
 
 namespace padder::detect {
@@ -14,8 +12,7 @@ std::unique_ptr<BoxesUnderTest> resident_of(std::uint64_t seed) {
 
 TEST(CudaResidentModel, EveryCallIsThatOfOneDetector) {
   if (gpus() == 0) GTEST_SKIP() << "there is no GPU";
-  const std::uint64_t first = model_number("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16);
-  EXPECT_EQ(play_boxes(first, 200, resident_of), "");
+  EXPECT_EQ(play_boxes(model_seed(), 200, resident_of), "");
 }
 
 }  // namespace

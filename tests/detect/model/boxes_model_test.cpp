@@ -2,8 +2,6 @@
 // Random sequences of calls on a BoxedDetector: boxes_sequence.h.
 #include <gtest/gtest.h>
 
-#include <random>
-
 #include "detect/boxes/boxed_detector.h"
 #include "tests/detect/model/boxes_sequence.h"
 
@@ -42,7 +40,7 @@ class Boxed final : public BoxesUnderTest {
     BoxesFound f;
     if (call.fault.kind == Fault::too_many || call.dice.chance(0.7)) {
       const Contacts& c = boxed_.detect(input);
-      f.pairs = Lists(c).pairs;
+      f.lists.emplace(c), f.pairs = f.lists->pairs;
       require(c.width == call.options.width && c.scalar == call.options.scalar, "another width or scalar");
     } else if (call.dice.chance(0.3)) {
       f.listed = false;
@@ -66,8 +64,8 @@ class BoxesModelTest : public testing::TestWithParam<BackendKind> {};
 
 TEST_P(BoxesModelTest, EveryCallIsThatOfOneDetector) {
   if (GetParam() == BackendKind::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
-  const std::uint64_t first = model_number("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16);
-  EXPECT_EQ(play_boxes(first, 100, [](auto seed) { return std::make_unique<Boxed>(GetParam(), seed); }), "");
+  EXPECT_EQ(
+      play_boxes(model_seed(), 100, [](auto seed) { return std::make_unique<Boxed>(GetParam(), seed); }), "");
 }
 
 INSTANTIATE_TEST_SUITE_P(Backends, BoxesModelTest, testing::Values(BackendKind::omp, BackendKind::cuda),

@@ -5,10 +5,11 @@
 // is right. Environment, as in detector_model_test.cpp: PADDER_MODEL_SEED, PADDER_MODEL_SEQUENCES.
 #pragma once
 #include <functional>
+#include <memory>
+#include <optional>
 
 #include "padding/asset/error.h"
 #include "tests/detect/model/checks.h"
-#include "tests/detect/model/script.h"
 
 namespace padder::detect {
 
@@ -17,6 +18,7 @@ struct BoxesFound {
   std::uint64_t spheres = 0, contacts = 0, hash = 0, doubtful = 0;
   bool listed = true;  // false: they were only counted
   std::vector<Pair> pairs;
+  std::optional<Lists> lists;  // with normals and points, where they are at hand
 };
 
 // The detector of a sequence.
@@ -26,8 +28,8 @@ class BoxesUnderTest {
   virtual ~BoxesUnderTest() = default;
   virtual BoxesFound detect(const Input& input, Call& call) = 0;  // what it throws is the call's
   virtual bool takes(Fault) const { return true; }                // false: another fault in its place
-  virtual bool may_refuse(const Input&, const Call&) const { return false; }
-  virtual bool is_wrong(bool here) const { return here; }  // on any of several processes?
+  virtual bool may_refuse(const Input&, const Call&) const { return false; }  // without a fault
+  virtual bool is_wrong(bool here) const { return here; }                     // on any of several processes?
   virtual std::string told() const = 0;
 };
 
@@ -72,21 +74,12 @@ class BoxesSequence {
       said = e.what();
     }
     const bool faulty = fault != Fault::none && fault != Fault::limit,
-               refused = fault == Fault::limit || boxes_.may_refuse(given.input, call) || beyond_floats(call);
+               refused = fault == Fault::limit || boxes_.may_refuse(given.input, call) ||
+                         range_of(call, script_.spheres()) != Range::fits;
     require(!said.empty() || !faulty, "nothing was thrown");
     require(said.empty() || faulty || refused, "it threw: ", said);
     require(said.empty() || refused || said.find(call.fault.says) != said.npos, "the sentence is \"", said,
             "\", without \"", call.fault.says, "\"");
-  }
-
-  // Records of floats may not hold them.
-  bool beyond_floats(const Call& call) const {
-    if (call.options.width == Width::pairs || call.options.scalar == Scalar::f64) return false;
-    double reach = 0;
-    for (const Seen& s : script_.spheres())
-      reach = std::max({reach, std::abs(s.sphere.x) + s.sphere.r, std::abs(s.sphere.y) + s.sphere.r,
-                        std::abs(s.sphere.z) + s.sphere.r});
-    return reach > 1e37;
   }
 
   void check(BoxesFound found, const Call& call) const {
@@ -106,6 +99,9 @@ class BoxesSequence {
                                   std::back_inserter(differ), before);
     require(differ.size() <= (rough ? found.doubtful : 0), pairs.size(), " contacts, wanted ", wanted.size(),
             differ.empty() ? "" : ", not in both: " + text(differ[0]), "; doubtful ", found.doubtful);
+    if (!found.lists || call.options.width == Width::pairs) return;
+    call.options.scalar == Scalar::f32 ? check_records<float>(*found.lists, script_.spheres())
+                                       : check_records<double>(*found.lists, script_.spheres());
   }
 
   Script script_;

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "tests/detect/device_memory.h"
-#include "tests/detect/model/oracle.h"
+#include "tests/detect/model/script.h"
 
 namespace padder::detect {
 
@@ -22,6 +22,20 @@ void require(bool good, const Parts&... parts) {
   std::ostringstream text;
   (text << ... << parts);
   throw Wrong{text.str()};
+}
+
+// Do records of floats hold the spheres of a call? A detector may refuse what does not surely fit.
+enum class Range { fits, may_be_refused, too_large };
+inline Range range_of(const Call& call, const std::vector<Seen>& spheres) {
+  const CallOptions& o = call.options;
+  if (call.answers || o.width == Width::pairs || o.scalar == Scalar::f64) return Range::fits;
+  double extent = 0, radius = 0, reach = 0;
+  for (const Seen& s : spheres) {
+    const double far = std::max({std::abs(s.sphere.x), std::abs(s.sphere.y), std::abs(s.sphere.z)});
+    extent = std::max(extent, far), radius = std::max(radius, s.sphere.r);
+    reach = std::max(reach, far + s.sphere.r);
+  }
+  return reach > 1e38 ? Range::too_large : extent + radius > 1e38 ? Range::may_be_refused : Range::fits;
 }
 
 // What a call gave, on the host.

@@ -173,7 +173,7 @@ class Sequence {
     const std::uint64_t limit = call.options.memory_limit;
     require(limit == 0 || detector_->memory() <= limit, "memory() is ", detector_->memory(),
             " under a limit of ", limit);
-    const Range range = range_of(call);
+    const Range range = range_of(call, script_.spheres());
     const bool faulty = call.fault.kind != K::none && call.fault.kind != K::limit;
     require(threw || !(faulty || range == Range::too_large), "nothing was thrown");
     require(!threw || faulty || range != Range::fits || call.fault.kind == K::limit, "it threw: ", said);
@@ -220,19 +220,6 @@ class Sequence {
       call.again = list_known_ = false;
     else
       check(c, call);
-  }
-
-  enum class Range { fits, may_be_refused, too_large };
-  Range range_of(const Call& call) const {
-    const CallOptions& o = call.options;
-    if (call.answers || o.width == Width::pairs || o.scalar == Scalar::f64) return Range::fits;
-    double extent = 0, radius = 0, reach = 0;
-    for (const Seen& s : script_.spheres()) {
-      const double far = std::max({std::abs(s.sphere.x), std::abs(s.sphere.y), std::abs(s.sphere.z)});
-      extent = std::max(extent, far), radius = std::max(radius, s.sphere.r);
-      reach = std::max(reach, far + s.sphere.r);
-    }
-    return reach > 1e38 ? Range::too_large : extent + radius > 1e38 ? Range::may_be_refused : Range::fits;
   }
 
   void check(const Contacts& c, Call& call) {
@@ -416,8 +403,7 @@ TEST(ModelOracle, TreeAndAllPairsAgree) {
 }
 
 void ModelTest::play_all(std::uint64_t usual_count) {
-  const std::uint64_t first = model_number("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16),
-                      count = model_number("PADDER_MODEL_SEQUENCES", usual_count);
+  const std::uint64_t first = model_seed(), count = model_number("PADDER_MODEL_SEQUENCES", usual_count);
   std::printf("seeds %llu to %llu\n", static_cast<unsigned long long>(first),
               static_cast<unsigned long long>(first + count - 1));
   std::fflush(stdout);

@@ -2,6 +2,7 @@
 // The calls of a sequence of the model test, drawn from its seed.
 #pragma once
 #include <cstdlib>
+#include <random>
 #include <sstream>
 
 #include "tests/detect/model/input.h"
@@ -15,6 +16,11 @@ inline constexpr double kLeastUnit = 1e-260;             // all that is smaller 
 inline std::uint64_t model_number(const char* name, std::uint64_t otherwise) {
   const char* s = std::getenv(name);
   return s ? std::strtoull(s, nullptr, 10) : otherwise;
+}
+
+// Of the first sequence.
+inline std::uint64_t model_seed() {
+  return model_number("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16);
 }
 
 // Sizes of lists of loose spheres: about what the code decides by. On the CPU: pieces, batches, parts,

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Random sequences of calls on a RankDetector: model/boxes_sequence.h. All ranks make the same scenes; each
 // passes a part.
-#include <random>
-
 #include "detect/mpi/rank_detector.h"
 #include "tests/detect/model/boxes_sequence.h"
 #include "tests/detect/mpi/run_tests.h"
@@ -48,7 +46,7 @@ class OnRanks final : public BoxesUnderTest {
     Input part = part_of(input, my_rank, ranks);
     const Part bodies = part_of(input.bodies.size(), my_rank, ranks);
     moved_.clear();
-    for (const std::uint32_t k : input.moved)  // one that there is not stays for the last rank
+    for (const std::uint32_t k : input.moved)  // an index out of range goes to the last rank
       if (k >= bodies.first && (k < bodies.end || my_rank + 1 == ranks))
         moved_.push_back(k - static_cast<std::uint32_t>(bodies.first));
     part.moved = moved_;
@@ -59,7 +57,7 @@ class OnRanks final : public BoxesUnderTest {
 };
 
 TEST(RanksModel, EveryCallIsThatOfOneDetector) {
-  std::uint64_t first = model_number("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16);
+  std::uint64_t first = model_seed();
   MPI_Bcast(&first, 1, MPI_UINT64_T, 0, MPI_COMM_WORLD);
   EXPECT_EQ(play_boxes(first, 15, [](auto) { return std::make_unique<OnRanks>(); }), "");
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Random sequences of calls on a ResidentDetector of each rank: cuda/resident_model.h. All ranks make the
 // same scenes; each passes a part, on its GPU.
-#include <random>
-
 #include "detect/mpi/resident_ranks.h"
 #include "tests/detect/cuda/resident_model.h"
 #include "tests/detect/mpi/run_tests.h"
@@ -32,7 +30,7 @@ class ResidentOnRanks final : public Resident {
 
 TEST(ResidentRanksModel, EveryCallIsThatOfOneDetector) {
   if (gpus() == 0) GTEST_SKIP() << "there is no GPU";
-  std::uint64_t first = model_number("PADDER_MODEL_SEED", std::uint64_t(std::random_device{}()) << 16);
+  std::uint64_t first = model_seed();
   MPI_Bcast(&first, 1, MPI_UINT64_T, 0, MPI_COMM_WORLD);
   EXPECT_EQ(play_boxes(first, 15, [](auto) { return std::make_unique<ResidentOnRanks>(); }), "");
 }
