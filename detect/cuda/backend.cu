@@ -156,6 +156,10 @@ class Work {
     posed_.begin_call();
     return {input, options, stream_, side_, processors, clock_, list_, options.history ? &history_ : nullptr};
   }
+  const BodyCensus& census(const Input& input) {
+    if (!facts_.census) facts_.census = census_of(input, bodies_.pieces());
+    return *facts_.census;
+  }
   // Are bodies to be searched first, and how many pairs of balls may touch then? A stable order depends on
   // nothing but that number; in any order a sample tells beforehand, if poses lie in host memory.
   void judge(const Input& input, const CallOptions& options) {
@@ -166,8 +170,7 @@ class Work {
     const bool keeps_table = any_order && input.revision != 0;
     const std::uint64_t moving =
         keeps_table ? moving_loose(input, static_cast<cudaStream_t>(options.stream)) : loose_count(input);
-    if (!facts_.census) facts_.census = census_of(input, bodies_.pieces());
-    most_pairs_ = most_touching_balls(*facts_.census, spheres(), facts_.loose, moving, costs);
+    most_pairs_ = most_touching_balls(census(input), spheres(), facts_.loose, moving, costs);
     automatic_first_ = most_pairs_ > 0;
     if (!automatic_first_ || !any_order) return;
     automatic_first_ = touching_balls(input, options.margin, bodies_.pieces()) < most_pairs_;
@@ -175,7 +178,9 @@ class Work {
   bool search_bodies(const Call& call, Contacts& c) {
     const bool automatic = call.options.bodies == Bodies::automatic;
     bodies_seen_ = true;
-    const bool done = bodies_.run(call, automatic ? most_pairs_ : INFINITY, c);
+    BodySearch::PairLimit limit;
+    if (automatic) limit = {most_pairs_, census(call.input).filled < tuning::kHollow};
+    const bool done = bodies_.run(call, limit, c);
     if (!done && automatic && call.options.order == Order::any) automatic_first_ = false;
     return done;
   }

@@ -270,7 +270,7 @@ double BodySearch::estimated_pairs(const Call& call) {
   return cuda::estimated_pairs(input_.view().moving, tools_.host_counters.data()->sampled);
 }
 
-bool BodySearch::run(const Call& call, double most_pairs, Contacts& contacts) {
+bool BodySearch::run(const Call& call, PairLimit limit, Contacts& contacts) {
   const bool known = knows(call.input);
   {
     const ProfileRange range("padder: read the bodies");
@@ -281,15 +281,15 @@ bool BodySearch::run(const Call& call, double most_pairs, Contacts& contacts) {
   // Too many pairs by the estimate are too many, whatever their count, so that a stable order follows from
   // the scene. The estimate runs along if the call before did not give up. Else it comes first: to count in
   // vain would take longer than to wait for it.
-  samples_ = most_pairs < INFINITY && !are_few(moving) &&
-             (input_.hollow() || most_pairs < tuning::kPackedPairs * moving);
+  samples_ = limit.most < INFINITY && !are_few(moving) &&
+             (limit.hollow || limit.most < tuning::kPackedPairs * moving);
   if (!std::exchange(went_first_, false) && std::exchange(samples_, false) &&
-      estimated_pairs(call) > most_pairs) {
+      estimated_pairs(call) > limit.most) {
     input_.keep(call.input);
     return false;
   }
   pairs_.reserve(4 * std::uint64_t(moving) + 1024);
-  Steps steps{*this, call, most_pairs, contacts};
+  Steps steps{*this, call, limit.most, contacts};
   // Where only a box's elements are searched, their number changes as they move, and with it the grid.
   if (!speculative_.run(steps, known && moving > 0 && moving == summary_.count)) return false;
   input_.keep(call.input);

@@ -19,10 +19,15 @@ class BodySearch {
   // A call went another way: what moved in it was not seen.
   void forget() { input_.forget(); }
 
+  // How many balls about pieces may touch.
+  struct PairLimit {
+    double most = INFINITY;
+    bool hollow = false;  // the balls are mostly empty, as those of rods: many may touch where few spheres do
+  };
   // All contacts into call.list, their number and that of the spheres to `contacts`. False: the spheres of
   // the bodies must be searched one by one. Either something is out of the ordinary (a pose that is none,
-  // coordinates beyond what a record holds), or more than `most_pairs` balls touch, by count or by estimate.
-  bool run(const Call& call, double most_pairs, Contacts& contacts);
+  // coordinates beyond what a record holds), or more balls touch than the limit, by count or by estimate.
+  bool run(const Call& call, PairLimit limit, Contacts& contacts);
 
  private:
   // Everything that decides what the device does between its first kernel and its count: whatever a kernel is

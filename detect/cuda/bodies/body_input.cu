@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "detect/core/bodies/body_choice.h"
 #include "detect/cuda/call/call.h"
 #include "detect/cuda/device/blocks.h"
 #include "detect/cuda/tuning.h"
@@ -223,7 +222,6 @@ void BodyInput::read_all(const Input& input, cudaStream_t stream) {
     const Element el = assembly_.elements[e];
     if (el.body == kLoose) moving_loose_.push_back(el.piece);
   }
-  hollow_ = census_of(input, assembly_.pieces).filled < tuning::kHollow;
   largest_radius_ = 0;
   for (const Shape& shape : input.shapes)
     for (std::uint64_t k = 0; k < shape.count; k++)

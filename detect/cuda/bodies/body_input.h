@@ -42,8 +42,6 @@ class BodyInput {
   Pieces& pieces() { return assembly_.pieces; }
   void forget() { revision_ = 0; }
 
-  // Are balls about pieces mostly empty, as those of rods? Then many may touch where few spheres do.
-  bool hollow() const { return hollow_; }
   std::uint64_t body_spheres() const { return assembly_.body_first.back(); }
   const BodyView& view() const { return near_; }
   const DeviceSpheres& loose() const { return loose_; }
@@ -68,7 +66,6 @@ class BodyInput {
   StaticTable table_;
   double static_extent_ = 0, margin_ = 0, largest_radius_ = 0;  // the last: of the spheres of bodies
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
-  bool hollow_ = false;
   std::vector<std::uint32_t> moving_loose_;
   BodyView view_, near_;  // of everything; without what is left out
   StaticView static_view_;

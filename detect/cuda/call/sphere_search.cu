@@ -185,35 +185,38 @@ void SphereSearch::expect_report(const Plan& plan, Tools& tools) {
   tools.report.expect();
 }
 
-// One pass over the device: order, search, and the counters (with_survey: the summary too) to the host.
-void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock) {
-  static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
-  auto* const counters = reinterpret_cast<Counters*>(tools.surveyor.head());
+// The first half of a pass over the device.
+Ordered SphereSearch::enqueue_order(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock) {
+  Counters* const counters = tools.counters();
   if (plan.probes()) tools.surveyor.probe(plan.searched(), plan.groups, stream);
-  Ordered spheres;
-  {
-    const ProfileRange range("padder: order (stages 1 to 6)");
-    if (plan.with_survey && !plan.along())
-      tools.surveyor.begin(plan.source, plan.octaves, plan.top, plan.processors, stream);
-    else if (!plan.with_survey)
-      cuda_check(cudaMemsetAsync(counters, 0, sizeof(Counters), stream), "clear the counters");
-    const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};
-    spheres = tools.orderer.order({.source = plan.searched(),
-                                   .grid = plan.grid,
-                                   .kind = plan.kind,
-                                   .radius = plan.search.radius,
-                                   .given = true,
-                                   .stable = plan.search.stable_order,
-                                   .method = plan.method,
-                                   .crowding = plan.crowding,
-                                   .gather = gather,
-                                   .lent = plan.lent,
-                                   .counters = counters,
-                                   .processors = plan.processors,
-                                   .stream = stream,
-                                   .keep = plan.with_survey});
-  }
+  const ProfileRange range("padder: order (stages 1 to 6)");
+  if (plan.with_survey && !plan.along())
+    tools.surveyor.begin(plan.source, plan.octaves, plan.top, plan.processors, stream);
+  else if (!plan.with_survey)
+    tools.clear_counters(stream);
+  const Gather gather = plan.along() ? tools.surveyor.gather(plan.octaves, plan.top) : Gather{};
+  const Ordered spheres = tools.orderer.order({.source = plan.searched(),
+                                               .grid = plan.grid,
+                                               .kind = plan.kind,
+                                               .radius = plan.search.radius,
+                                               .given = true,
+                                               .stable = plan.search.stable_order,
+                                               .method = plan.method,
+                                               .crowding = plan.crowding,
+                                               .gather = gather,
+                                               .lent = plan.lent,
+                                               .counters = counters,
+                                               .processors = plan.processors,
+                                               .stream = stream,
+                                               .keep = plan.with_survey});
   clock.mark(3);
+  return spheres;
+}
+
+// The second half: search, and the counters (with_survey: the summary too) to the host.
+void SphereSearch::enqueue_search(const Plan& plan, const Ordered& spheres, Tools& tools, cudaStream_t stream,
+                                  StageClock& clock) {
+  Counters* const counters = tools.counters();
   {
     const ProfileRange range("padder: search (stages 7 to 9)");
     search(plan.source, plan.grid, spheres, plan.search, plan.output, counters, tools.search, plan.processors,
@@ -230,17 +233,28 @@ void SphereSearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, 
   tools.report.send(stream);
 }
 
-// The pass of plan_, to its end. Recorded: no stage is timed.
-void SphereSearch::pass(const Call& call, bool recorded) {
+// The pass of plan_, to its end. Recorded: no stage is timed. Search: the spheres are in order by the pass
+// before.
+void SphereSearch::pass(const Call& call, Pass kind) {
   expect_report(plan_, tools_);
   if (call.history) call.history->begin_pass(plan_.history, call.stream);
-  if (recorded)
-    recording_.run(
-        plan_, call.stream, call.side,
-        [&](cudaStream_t stream) { enqueue(plan_, tools_, stream, call.clock); },
-        [&](Plan& plan) { plan.moves = book_.moves, plan.kept = tools_.orderer.kept(); });
+  const auto enqueue = [&](cudaStream_t stream) {
+    if (kind == Pass::search)
+      tools_.clear_counters(stream);
+    else
+      ordered_ = enqueue_order(plan_, tools_, stream, call.clock);
+    enqueue_search(plan_, ordered_, tools_, stream, call.clock);
+  };
+  if (kind == Pass::recorded)
+    ordered_ = recording_
+                   .run(plan_, call.stream, call.side, enqueue,
+                        [&](Plan& plan) {
+                          plan.moves = book_.moves, plan.kept = tools_.orderer.kept();
+                          plan.result.ordered = ordered_;
+                        })
+                   .result.ordered;
   else
-    enqueue(plan_, tools_, call.stream, call.clock);
+    enqueue(call.stream);
   const ProfileRange range("padder: wait");
   tools_.report.arrived(call.stream, "search for contacts");
   found_ = *reinterpret_cast<const Counters*>(tools_.surveyor.host_head());
@@ -253,14 +267,15 @@ struct SphereSearch::Steps {
   Contacts& contacts;
   bool again;             // a call before had as many spheres
   bool surveyed = false;  // by a trial that found the spheres to be others, but all it needed to know
+  bool in_order = false;  // the last pass put the spheres in an order that still serves
 
   Trial try_previous() {
     const Summary previous = s.summary_;
     s.make_plan(source, call, previous);
     s.plan_output(call, true);
-    s.pass(call, true);
+    s.pass(call, Pass::recorded);
     // The counts of that pass were right, and each bucket gets the room that it needs now.
-    if (s.found_.flags == kOutgrown) s.pass(call, true);
+    if (s.found_.flags == kOutgrown) s.pass(call, Pass::recorded);
     const SlotKind kind = s.plan_.kind;
     const SearchOptions searched = s.plan_.search;
     const bool probed = s.plan_.probes();
@@ -307,7 +322,7 @@ struct SphereSearch::Steps {
     return true;
   }
 
-  void pass() { s.pass(call, false); }
+  void pass() { s.pass(call, in_order ? Pass::search : Pass::whole); }
 
   // A bucket too full: smaller buckets; then hashed levels, where they are not yet; at last sort. A list too
   // short: it was counted to its end, is made longer and written again. So is a list whose order is that of
@@ -321,6 +336,7 @@ struct SphereSearch::Steps {
     SlotQuota quota = stable ? quota_for(found, source.count, s.plan_.grid, s.plan_.kind) : SlotQuota{};
     if (!reproducible && serves(search.quota, quota)) quota = search.quota;
     const bool too_short = contacts.count > call.list.capacity(call.options);
+    in_order = !(found.flags & kCrowded);
     if (found.flags & kCrowded) {
       if (s.crowding_ < tuning::kMostCrowding && source.count >= tuning::kFewSpheres) {
         s.crowding_++;

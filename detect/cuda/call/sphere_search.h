@@ -38,6 +38,12 @@ class SphereSearch {
     SizeGroups groups;        // with_survey: probed along, unless there are none
     std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
     std::uint64_t kept = 0;   // Orderer::kept(), where the previous call's buckets are to be tried
+    // Where the pass leaves the spheres in order. It follows from the rest, and is known when that is
+    // enqueued.
+    struct Result {
+      Ordered ordered;
+      friend bool operator==(const Result&, const Result&) { return true; }
+    } result;
     friend bool operator==(const Plan&, const Plan&) = default;
 
     // The bounds are gathered by the kernels that put the spheres in order.
@@ -54,6 +60,13 @@ class SphereSearch {
   // allocated.
   struct Tools {
     explicit Tools(MemoryBook& book) : surveyor(book), orderer(book), search(book) {}
+    Counters* counters() {
+      static_assert(sizeof(Counters) <= Surveyor::kHead * 8);
+      return reinterpret_cast<Counters*>(surveyor.head());
+    }
+    void clear_counters(cudaStream_t stream) {
+      cuda_check(cudaMemsetAsync(counters(), 0, sizeof(Counters), stream), "clear the counters");
+    }
     Surveyor surveyor;
     Report report;
     Orderer orderer;
@@ -68,9 +81,12 @@ class SphereSearch {
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
   void plan_output(const Call& call, bool with_survey);
   void lengthen_to_lend(const Call& call);
-  void pass(const Call& call, bool recorded);
+  enum class Pass { recorded, whole, search };
+  void pass(const Call& call, Pass kind);
   static void expect_report(const Plan& plan, Tools& tools);
-  static void enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock);
+  static Ordered enqueue_order(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock);
+  static void enqueue_search(const Plan& plan, const Ordered& spheres, Tools& tools, cudaStream_t stream,
+                             StageClock& clock);
 
   MemoryBook& book_;
   Tools tools_;
@@ -88,6 +104,7 @@ class SphereSearch {
   bool planned_wide_ = false;
   double planned_bin_size_ = 0;  // CallOptions::bin_size of that plan
   Counters found_{};             // by the last pass
+  Ordered ordered_;              // likewise
   OrderMethod method_ = OrderMethod::automatic;
   SlotQuota quota_;  // of the previous list, for a stable order
 };

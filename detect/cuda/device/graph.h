@@ -42,22 +42,27 @@ class Recording {
   // Enqueues on `stream` what the plan stands for. The first and the second time, unless kKept other plans
   // came between, it calls enqueue(stream). The second time it also records enqueue() on `side`, while the
   // device works; afterwards it launches the recording alone. What enqueue() itself changes, such as the
-  // memory that it takes, renew(plan) brings up to date in a plan. Throws Error.
+  // memory that it takes, renew(plan) brings up to date in a plan. Returns the plan that was kept, until the
+  // next run. Throws Error.
   template <class Enqueue, class Renew>
-  void run(const Plan& plan, cudaStream_t stream, SideStream& side, Enqueue enqueue, Renew renew) {
+  const Plan& run(const Plan& plan, cudaStream_t stream, SideStream& side, Enqueue enqueue, Renew renew) {
     for (int k = 0; k < kKept && !(plan == recorded_[last_].plan); k++) last_ = (last_ + 1) % kKept;
     if (!(plan == recorded_[last_].plan)) last_ = oldest_, oldest_ = (oldest_ + 1) % kKept;
     Recorded& r = recorded_[last_];
-    if (plan == r.plan && r.graph) return cuda_check(cudaGraphLaunch(r.graph, stream), "launch a graph");
     const bool again = plan == r.plan;
+    if (again && r.graph) {
+      cuda_check(cudaGraphLaunch(r.graph, stream), "launch a graph");
+      return r.plan;
+    }
     r.drop();
     r.plan = plan;
     enqueue(stream);
     renew(r.plan);
-    if (!again || !(plan == r.plan)) return;
+    if (!again || !(plan == r.plan)) return r.plan;
     r.graph = record(side.get(), enqueue);
     renew(r.plan);
     if (!(plan == r.plan)) r.drop();  // memory was taken while it was recorded: some addresses are old
+    return r.plan;
   }
 
  private:
