@@ -15,23 +15,22 @@ std::string formatted(double v) {
   return text;
 }
 
-void check_arrays(const Input& input, bool known) {
+BodyTally check_arrays(const Input& input, bool known) {
   const Spheres& s = input.spheres;
-  for (std::size_t k = 0; !known && k < input.bodies.size(); k++)
-    if (input.bodies[k].shape >= input.shapes.size())
-      throw Error("body " + std::to_string(k) + " names shape " + std::to_string(input.bodies[k].shape) +
-                  ", but there are " + std::to_string(input.shapes.size()));
+  BodyTally bodies;
+  if (!known) bodies = tally_of(input);
   for (std::size_t k = 0; k < input.shapes.size(); k++)
     if (input.shapes[k].count && !input.shapes[k].spheres)
       throw Error("shape " + std::to_string(k) + " has spheres but no pointer to them");
   if (s.count && (!s.centers || !s.radii))
     throw Error("the loose spheres need a pointer to centres and one to radii");
   if (s.center_stride < 3) throw Error("the stride of the centres must be at least 3 numbers");
+  return bodies;
 }
 
-void check_input(const Input& input, bool device_memory_allowed, bool known) {
+BodyTally check_input(const Input& input, bool device_memory_allowed, bool known) {
   const Spheres& s = input.spheres;
-  check_arrays(input, known);
+  BodyTally bodies = check_arrays(input, known);
   if (s.memory == Memory::device && s.count && !device_memory_allowed)
     throw Error(
         "the spheres lie in device memory, which the OpenMP backend cannot read: copy them or choose cuda");
@@ -41,10 +40,11 @@ void check_input(const Input& input, bool device_memory_allowed, bool known) {
   if (input.bodies.size() >= kStatic - 1)
     throw Error(std::to_string(input.bodies.size()) +
                 " bodies are more than one detector can number (2^31 - 2): divide the scene into boxes");
-  const std::uint64_t n = known ? 0 : sphere_count(input);
+  const std::uint64_t n = known ? 0 : sphere_count(bodies, loose_count(input));
   if (n >= 0xffffffffull)
     throw Error((n == ~std::uint64_t(0) ? "2^64 - 1 or more" : std::to_string(n)) +
                 " spheres are more than one detector can number (2^32 - 2): divide the scene into boxes");
+  return bodies;
 }
 
 void check_options(const CallOptions& o) {

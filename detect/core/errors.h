@@ -5,6 +5,7 @@
 #include <string>
 
 #include "detect/core/grid.h"
+#include "detect/core/input.h"
 #include "detect/detector.h"
 #include "padding/asset/error.h"
 
@@ -21,10 +22,10 @@ void check_boxed_options(const CallOptions& options);
 // memory.
 void check_boxed_input(const Input& input);
 // Throws Error if a shape that is named, a pointer or a stride is missing. `known`: the previous call checked
-// the bodies.
-void check_arrays(const Input& input, bool known = false);
+// the bodies; then the tally is empty.
+BodyTally check_arrays(const Input& input, bool known = false);
 // The same, and whether one detector can read the memory and number the spheres and bodies.
-void check_input(const Input& input, bool device_memory_allowed, bool known = false);
+BodyTally check_input(const Input& input, bool device_memory_allowed, bool known = false);
 // Throws Error if lengths of this scene do not fit the records that are asked for.
 void check_range(const Summary& summary, const CallOptions& options);
 

@@ -2,16 +2,38 @@
 #include "detect/core/input.h"
 
 #include <algorithm>
+#include <string>
+
+#include "padding/asset/error.h"
 
 namespace padder::detect {
+namespace {
 
-std::uint64_t sphere_count(const Input& input) {
-  std::uint64_t n = loose_count(input);
-  for (const Body& b : input.bodies) {
-    const std::uint64_t more = input.shapes[b.shape].count;
-    n = n > ~std::uint64_t(0) - more ? ~std::uint64_t(0) : n + more;
+std::uint64_t plus(std::uint64_t a, std::uint64_t b) {
+  return a > ~std::uint64_t(0) - b ? ~std::uint64_t(0) : a + b;
+}
+
+}  // namespace
+
+BodyTally tally_of(const Input& input) {
+  BodyTally t;
+  t.of_shape.resize(input.shapes.size()), t.moving_of_shape.resize(input.shapes.size());
+  for (std::size_t k = 0; k < input.bodies.size(); k++) {
+    const Body& b = input.bodies[k];
+    if (b.shape >= input.shapes.size())
+      throw Error("body " + std::to_string(k) + " names shape " + std::to_string(b.shape) +
+                  ", but there are " + std::to_string(input.shapes.size()));
+    t.of_shape[b.shape]++, t.moving_of_shape[b.shape] += !b.is_static;
+    t.spheres = plus(t.spheres, input.shapes[b.shape].count);
+    t.moving += !b.is_static, t.have_worlds = t.have_worlds || b.world != 0;
+    if (t.world == kEveryWorld) t.world = b.world;
+    t.apart = t.apart || !worlds_meet(t.world, b.world);
   }
-  return n;
+  return t;
+}
+
+std::uint64_t sphere_count(const BodyTally& bodies, std::uint64_t loose) {
+  return plus(bodies.spheres, loose);
 }
 
 Body body_at(const Input& input, std::size_t k) {
@@ -20,19 +42,13 @@ Body body_at(const Input& input, std::size_t k) {
   return body;
 }
 
-bool bodies_have_worlds(const Input& input) {
-  return std::any_of(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return b.world != 0; });
-}
-
-bool has_worlds(const Input& input) {
-  const Spheres& s = input.spheres;
-  if (s.count && s.world && s.memory == Memory::device) return true;
-  std::uint32_t one = kEveryWorld;
+bool has_worlds(const BodyTally& bodies, const Spheres& s) {
+  if (bodies.apart || (s.count && s.world && s.memory == Memory::device)) return true;
+  std::uint32_t one = bodies.world;
   const auto is_another = [&](std::uint32_t world) {
     if (one == kEveryWorld) one = world;
     return !worlds_meet(one, world);
   };
-  if (std::ranges::any_of(input.bodies, is_another, &Body::world)) return true;
   if (!s.world) return s.count && is_another(s.world_of_all);
   return std::any_of(s.world, s.world + s.count, is_another);
 }

@@ -54,8 +54,23 @@ inline bool marks_static(const Input& input) {
   return input.spheres.is_static || (input.around && input.around->spheres.is_static);
 }
 
+// What one pass over the bodies tells. All of it stays within a revision.
+struct BodyTally {
+  std::uint64_t spheres = 0;                             // of all bodies; 2^64 - 1 if they are more than that
+  std::uint64_t moving = 0;                              // bodies that are not static
+  bool have_worlds = false;                              // one is not in world 0
+  std::uint32_t world = kEveryWorld;                     // of the first that is in one alone
+  bool apart = false;                                    // another is in another
+  std::vector<std::uint64_t> of_shape, moving_of_shape;  // bodies
+};
+// Throws Error for a body that names no shape.
+BodyTally tally_of(const Input& input);
+
 // Spheres of all bodies and the loose ones; 2^64 - 1 if they are more than that.
-std::uint64_t sphere_count(const Input& input);
+std::uint64_t sphere_count(const BodyTally& bodies, std::uint64_t loose);
+inline std::uint64_t sphere_count(const Input& input) {
+  return sphere_count(tally_of(input), loose_count(input));
+}
 // Body k at its pose, which must lie in host memory.
 Body body_at(const Input& input, std::size_t k);
 // The numbers of loose sphere k as they were given, in host memory. Copied byte by byte: an array inside a
@@ -85,11 +100,11 @@ inline Filter filter_of(const Body& body, std::uint32_t k) {
 }
 
 // May there be worlds other than world 0?
-bool bodies_have_worlds(const Input& input);
 inline bool loose_have_worlds(const Input& input) {
   return input.spheres.count > 0 && (input.spheres.world || input.spheres.world_of_all != 0);
 }
 // Do worlds keep anything apart: are there two besides kEveryWorld? True of an array on a device, unread.
-bool has_worlds(const Input& input);
+bool has_worlds(const BodyTally& bodies, const Spheres& loose);
+inline bool has_worlds(const Input& input) { return has_worlds(tally_of(input), input.spheres); }
 
 }  // namespace padder::detect

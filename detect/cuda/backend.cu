@@ -36,9 +36,8 @@ class Work {
       return may_go_first && (options.bodies == Bodies::first || automatic_first_);
     };
     const bool known = bodies_.knows(input) && (judged || options.bodies == Bodies::first) && goes_first();
-    check_input(input, true, has_facts(input));
     read_facts(input);
-    const bool worlds = grid && has_worlds_now(input);
+    const bool worlds = grid && has_worlds(facts_.tally, input.spheres);
     // In any order, further calls of a revision keep to what its first call found.
     if (options.bodies == Bodies::automatic && grid && !known && !worlds &&
         !(judged && options.order == Order::any))
@@ -73,7 +72,6 @@ class Work {
                              Answer answer) {
     const ProfileRange range("padder: detect worlds");
     const auto begun = std::chrono::steady_clock::now();
-    check_input(input, true, has_facts(input));
     read_facts(input);
     CallOptions listed = options;
     listed.order = Order::any, listed.width = Width::pairs, listed.output = Memory::device;
@@ -93,7 +91,7 @@ class Work {
   }
 
   Arrays stages(const Input& input, const CallOptions& options) {
-    check_input(input, true);
+    read_facts(input);
     const Call call = begin(input, options);
     const DeviceSpheres source = read(call);
     forget_unseen(), forget_revision();
@@ -153,11 +151,11 @@ class Work {
     // A region's share changes by up to a tenth before space is cut anew.
     book_.roomy = options.memory_limit == 0 && !(options.own == Region{});
     check_memory(input);
-    posed_.begin_call();
+    posed_.begin_call(facts_.tally.moving);
     return {input, options, stream_, side_, processors, clock_, list_, options.history ? &history_ : nullptr};
   }
   const BodyCensus& census(const Input& input) {
-    if (!facts_.census) facts_.census = census_of(input, bodies_.pieces());
+    if (!facts_.census) facts_.census = census_of(input.shapes, facts_.tally, bodies_.pieces());
     return *facts_.census;
   }
   // Are bodies to be searched first, and how many pairs of balls may touch then? A stable order depends on
@@ -184,26 +182,19 @@ class Work {
     if (!done && automatic && call.options.order == Order::any) automatic_first_ = false;
     return done;
   }
-  // What does not change within a revision, since bodies may be many.
+  // What does not change within a revision, since bodies may be many. Throws Error for an input that cannot
+  // be read.
   void read_facts(const Input& input) {
-    if (!has_facts(input)) {
-      facts_.spheres_of_bodies = sphere_count(input) - loose_count(input);
-      Input without_array = input;
-      without_array.spheres.world = nullptr;
-      facts_.worlds = has_worlds(without_array);
-      facts_.census.reset();
-    }
+    const bool known = has_facts(input);
+    BodyTally tally = check_input(input, true, known);
+    if (!known) facts_.tally = std::move(tally), facts_.census.reset();
     facts_.revision = input.revision, facts_.bodies = input.bodies.size(), facts_.loose = loose_count(input);
-    facts_.world_of_all = input.spheres.world_of_all;
   }
   bool has_facts(const Input& input) const {
     return input.revision != 0 && input.revision == facts_.revision && input.bodies.size() == facts_.bodies &&
-           loose_count(input) == facts_.loose && input.spheres.world_of_all == facts_.world_of_all;
+           loose_count(input) == facts_.loose;
   }
-  bool has_worlds_now(const Input& input) const {
-    return input.spheres.world ? has_worlds(input) : facts_.worlds;
-  }
-  std::uint64_t spheres() const { return facts_.spheres_of_bodies + facts_.loose; }
+  std::uint64_t spheres() const { return sphere_count(facts_.tally, facts_.loose); }
   bool has_small_bodies() const { return spheres() <= tuning::kSmallBody * (facts_.bodies + facts_.loose); }
   WorldAllowance allowance(bool of_list) const {
     const double ns = tuning::kApartOfCall + tuning::kApartOfSphere * static_cast<double>(spheres());
@@ -352,9 +343,8 @@ class Work {
   Order judged_order_ = Order::stable;
   // Of this call. Also of the next ones with the revision, if nothing else here differs.
   struct Facts {
-    std::uint64_t revision = 0, bodies = 0, loose = 0, spheres_of_bodies = 0;
-    std::uint32_t world_of_all = 0;
-    bool worlds = false;  // without those of an array
+    std::uint64_t revision = 0, bodies = 0, loose = 0;
+    BodyTally tally;
     std::optional<BodyCensus> census;
   } facts_;
   std::uint64_t gave_up_ = 0;  // the last revision of whose worlds the tree gave up

@@ -231,11 +231,11 @@ class OmpBackend final : public Backend {
                              Answer answer) override {
     begin(options);
     kept_->bodies.forget();
-    check_input(input, false);
+    const std::uint64_t spheres = sphere_count(check_input(input, false), input.spheres.count);
     omp::Stopwatch watch;
-    choose_threads(options, sphere_count(input));
+    choose_threads(options, spheres);
     kept_->answers.begin(input, worlds, answer);
-    answer_worlds(input, options);
+    answer_worlds(input, options, spheres);
     kept_->records.count = 0;
     chosen_.done();
     WorldAnswers answers = kept_->answers.arrays();
@@ -284,7 +284,7 @@ class OmpBackend final : public Backend {
     const std::uint64_t moving =
         s.is_static ? static_cast<std::uint64_t>(std::count(s.is_static, s.is_static + s.count, 0)) : s.count;
     Pieces& pieces = kept_->bodies.pieces();
-    if (!census_) census_ = census_of(input, pieces);
+    if (!census_) census_ = census_of(input.shapes, tally_, pieces);
     const double most = most_touching_balls(*census_, spheres, s.count, moving, kBodyCosts);
     return most > 0 && touching_balls(input, options.margin, pieces) < most;
   }
@@ -317,14 +317,13 @@ class OmpBackend final : public Backend {
   }
 
   // Of a list, where the tree tests too much in vain. Distances are first those of spheres that touch.
-  void answer_worlds(const Input& input, const CallOptions& options) {
+  void answer_worlds(const Input& input, const CallOptions& options, std::uint64_t n) {
     omp::AnswerArrays& answers = kept_->answers;
     const Answer answer = answers.answer();
     const auto tree = [&](std::uint64_t in_vain) {
       omp::Allowance allowance(in_vain);
       return kept_->worlds.answer(input, options, threads_, allowance, answers);
     };
-    const std::uint64_t n = sphere_count(input);
     if ((answer != Answer::count || !has_small_bodies(input, n)) && tree(kTestsInVain * n)) return;
     CallOptions listed = options;
     listed.width = Width::pairs;
@@ -347,15 +346,15 @@ class OmpBackend final : public Backend {
     begin(options);
     const bool may_go_first = !arrays && options.path == Path::grid && options.bodies != Bodies::expanded;
     const bool known = may_go_first && kept_->bodies.knows(input, options.margin);
-    if (!known) census_.reset();
-    check_input(input, false, known);
-    const std::uint64_t n = known ? kept_->bodies.body_spheres() + input.spheres.count : sphere_count(input);
+    BodyTally tally = check_input(input, false, known);
+    if (!known) tally_ = std::move(tally), census_.reset();
+    const std::uint64_t n = sphere_count(tally_, input.spheres.count);
     // The worlds of bodies stay within a revision, those of loose spheres need not.
     std::optional<std::uint32_t> world_of_loose;
     if (!input.spheres.world) world_of_loose = input.spheres.world_of_all;
     const bool same_worlds = known && world_of_loose && world_of_loose == world_of_loose_;
     world_of_loose_ = world_of_loose;
-    if (!same_worlds && options.path == Path::grid && has_worlds(input)) {
+    if (!same_worlds && options.path == Path::grid && has_worlds(tally_, input.spheres)) {
       choose_threads(options, n);
       kept_->bodies.forget();
       return search_worlds(input, options, n);
@@ -370,7 +369,8 @@ class OmpBackend final : public Backend {
         return delivered(c, n, options);
     }
     kept_->bodies.forget();
-    if (!input.bodies.empty()) return run(place(input, has_worlds(input)), input, options, arrays);
+    if (!input.bodies.empty())
+      return run(place(input, has_worlds(tally_, input.spheres)), input, options, arrays);
     if (s.scalar == Scalar::f32) return run(view<float>(s), input, options, arrays);
     return run(view<double>(s), input, options, arrays);
   }
@@ -394,15 +394,15 @@ class OmpBackend final : public Backend {
   // too.
   omp::View<double> place(const Input& input, bool worlds) {
     omp::Stopwatch watch;
-    const std::uint64_t n = sphere_count(input);
+    std::vector<std::uint64_t> first(input.bodies.size() + 1, 0);
+    for (std::size_t b = 0; b < input.bodies.size(); b++)
+      first[b + 1] = first[b] + input.shapes[input.bodies[b].shape].count;
+    const std::uint64_t n = first.back() + input.spheres.count;
     Sphere* out = kept_->placed.resize(n, "the spheres of the bodies");
     std::uint32_t* family = kept_->family.resize(n, "families");
     std::uint32_t* mask = kept_->mask.resize(n, "masks");
     std::uint32_t* owner = kept_->owner.resize(n, "the bodies of spheres");
     std::uint32_t* world = worlds ? kept_->world.resize(n, "worlds") : nullptr;
-    std::vector<std::uint64_t> first(input.bodies.size() + 1, 0);
-    for (std::size_t b = 0; b < input.bodies.size(); b++)
-      first[b + 1] = first[b] + input.shapes[input.bodies[b].shape].count;
     const auto bodies = static_cast<std::int64_t>(input.bodies.size());
 #pragma omp parallel for schedule(dynamic, 16) num_threads(threads_)
     for (std::int64_t k = 0; k < bodies; k++) {
@@ -497,7 +497,8 @@ class OmpBackend final : public Backend {
   std::optional<omp::History> history_{budget_};
   omp::Threads chosen_;
   int threads_ = 1;
-  std::optional<BodyCensus> census_;             // of the revision that is known
+  BodyTally tally_;                              // of the revision that is known
+  std::optional<BodyCensus> census_;             // likewise
   std::optional<std::uint32_t> world_of_loose_;  // in the last call; none: an array gave them
   double place_seconds_ = 0;
 };

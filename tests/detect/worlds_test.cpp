@@ -144,6 +144,42 @@ TEST(Worlds, OneWorldWithWhatIsInEveryWorldIsSearchedAsOne) {
   EXPECT_FALSE(has_worlds(loose));
 }
 
+// Of a few bodies and loose spheres, in one, two or all worlds: what a pass over them tells is what a look at
+// each pair tells.
+TEST(Worlds, TheTallyOfBodies) {
+  std::mt19937_64 random = random_of_new_seed();
+  const auto below = [&](std::uint64_t n) { return static_cast<std::uint32_t>(random() % n); };
+  const std::uint32_t worlds[] = {0, 5, kEveryWorld};
+  const std::vector<Sphere> spheres(7);
+  for (int k = 0; k < 2000; k++) {
+    const std::vector<Shape> shapes{{spheres.data(), 3}, {nullptr, 0}, {spheres.data(), 7}};
+    std::vector<Body> bodies(below(5));
+    std::vector<std::uint32_t> world_of(below(4)), of_all;
+    std::uint64_t count = world_of.size(), of_shape[3] = {}, moving_of_shape[3] = {};
+    bool have_worlds = false;
+    const std::uint32_t kinds = 1 + below(3);
+    for (Body& b : bodies) {
+      b.shape = below(3), b.world = worlds[below(kinds)], b.is_static = below(2);
+      count += shapes[b.shape].count, of_shape[b.shape]++, moving_of_shape[b.shape] += !b.is_static;
+      have_worlds = have_worlds || b.world != 0, of_all.push_back(b.world);
+    }
+    for (std::uint32_t& w : world_of) w = worlds[below(kinds)], of_all.push_back(w);
+    bool apart = false;
+    for (const std::uint32_t a : of_all)
+      for (const std::uint32_t b : of_all) apart = apart || !worlds_meet(a, b);
+    Input input;
+    input.shapes = shapes, input.bodies = bodies;
+    input.spheres.count = world_of.size(), input.spheres.world = world_of.data();
+    const BodyTally tally = tally_of(input);
+    EXPECT_EQ(sphere_count(input), count);
+    EXPECT_EQ(has_worlds(input), apart);
+    EXPECT_EQ(tally.have_worlds, have_worlds);
+    EXPECT_TRUE(std::ranges::equal(tally.of_shape, of_shape));
+    EXPECT_TRUE(std::ranges::equal(tally.moving_of_shape, moving_of_shape));
+    EXPECT_EQ(tally.moving, moving_of_shape[0] + moving_of_shape[1] + moving_of_shape[2]);
+  }
+}
+
 TEST(Worlds, LooseSpheresInManyWorldsAndInOneAreFound) {
   for (const BackendKind backend : backends()) {
     SomeCases some;

@@ -10,6 +10,7 @@ void Assembly::update(const Input& input, const std::uint8_t* is_static) {
   elements.clear(), body_first.clear();
   std::vector<Element> static_elements;
   std::uint64_t first_sphere = 0;
+  elements.reserve(input.bodies.size()), body_first.reserve(input.bodies.size() + 1);
   for (std::size_t b = 0; b < input.bodies.size(); b++) {
     const Body& body = input.bodies[b];
     body_first.push_back(static_cast<std::uint32_t>(first_sphere));

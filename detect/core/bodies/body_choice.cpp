@@ -82,20 +82,15 @@ double touching_balls(const Input& input, double margin, const Pieces& pieces) {
   return pairs;
 }
 
-BodyCensus census_of(const Input& input, Pieces& pieces) {
-  pieces.update(input.shapes);
+BodyCensus census_of(std::span<const Shape> shapes, const BodyTally& bodies, Pieces& pieces) {
+  pieces.update(shapes);
   BodyCensus census;
-  census.bodies = input.bodies.size();
-  std::vector<std::uint64_t> bodies_of(input.shapes.size());
-  for (const Body& b : input.bodies) {
-    bodies_of[b.shape]++;
-    census.some_static = census.some_static || b.is_static;
-    if (!b.is_static) census.balls += pieces_of(input.shapes[b.shape].count);
-  }
   double pieces_seen = 0, spheres = 0, ball_volume = 0, sphere_volume = 0, contacts = 0, radii = 0,
          largest = 0;
-  for (std::size_t k = 0; k < bodies_of.size(); k++) {
-    const auto times = static_cast<double>(bodies_of[k]);
+  for (std::size_t k = 0; k < shapes.size(); k++) {
+    const auto times = static_cast<double>(bodies.of_shape[k]);
+    census.bodies += bodies.of_shape[k],
+        census.balls += bodies.moving_of_shape[k] * pieces_of(shapes[k].count);
     for (std::uint32_t p = pieces.shape_first[k]; times > 0 && p < pieces.shape_first[k + 1]; p++) {
       const Piece& piece = pieces.pieces[p];
       double sum = 0, squares = 0, cubes = 0;
@@ -110,6 +105,7 @@ BodyCensus census_of(const Input& input, Pieces& pieces) {
       if (ball > 0) contacts += times * (piece.count * cubes + 3 * squares * sum) / (4 * ball);
     }
   }
+  census.some_static = bodies.moving < census.bodies;
   if (ball_volume > 0) {
     census.filled = sphere_volume / ball_volume, census.contacts = contacts / pieces_seen;
     if (radii > 0) census.octaves = std::log2(largest * spheres / radii);

@@ -3,6 +3,7 @@
 // code that both backends use. Internal.
 #pragma once
 #include "detect/core/bodies/pieces.h"
+#include "detect/core/input.h"
 #include "detect/detector.h"
 
 namespace padder::detect {
@@ -32,8 +33,8 @@ struct BodyCensus {
   double contacts = 1;
   double octaves = 0;  // from the mean radius of the spheres to the largest
 };
-// `pieces` are brought up to date. Costs a pass over the bodies.
-BodyCensus census_of(const Input& input, Pieces& pieces);
+// `pieces` are brought up to date. Costs a pass over the spheres of the shapes.
+BodyCensus census_of(std::span<const Shape> shapes, const BodyTally& bodies, Pieces& pieces);
 
 // How many pairs of balls that touch are worth it to search bodies first. 0: however few; infinity: however
 // many, since they cost nothing. What is static costs nothing then: it is in a table that is kept with the

@@ -101,13 +101,13 @@ void ResidentDetector::Work::check_bodies(const Input& bodies) {
   const bool known = bodies.revision != 0 && bodies.revision == revision_;
   revision_ = 0;  // set when the call is done
   bodies_ = bodies;
-  check_input(bodies, false, known);
+  const BodyTally tally = check_input(bodies, false, known);
   if (known) return;
-  body_spheres_ = sphere_count(bodies);
-  have_worlds_ = bodies_have_worlds(bodies);
+  body_spheres_ = tally.spheres;
+  have_worlds_ = tally.have_worlds;
   // However many balls touch: the poses may be given in parts.
-  bodies_first_ =
-      most_touching_balls(census_of(bodies, pieces_), body_spheres_, 0, 0, cuda::tuning::kKnownBodies) > 0;
+  bodies_first_ = most_touching_balls(census_of(bodies.shapes, tally, pieces_), body_spheres_, 0, 0,
+                                      cuda::tuning::kKnownBodies) > 0;
 }
 
 // What has to be the same on all GPUs, and where each part begins in the scene.

@@ -16,6 +16,15 @@ __global__ void body_of_kernel(std::uint32_t bodies, const std::uint32_t* first,
 
 __global__ void sphere_kernel(DeviceSpheres source, std::uint32_t k, Sphere* out) { *out = source.sphere(k); }
 
+// The first sphere of each body, and behind them the number of all.
+std::vector<std::uint32_t> first_spheres(const Input& input) {
+  std::vector<std::uint32_t> first{0};
+  first.reserve(input.bodies.size() + 1);
+  for (const Body& b : input.bodies)
+    first.push_back(first.back() + static_cast<std::uint32_t>(input.shapes[b.shape].count));
+  return first;
+}
+
 }  // namespace
 
 InputCopy::InputCopy(MemoryBook& book, PosedBodies& posed)
@@ -34,12 +43,15 @@ InputCopy::InputCopy(MemoryBook& book, PosedBodies& posed)
 DeviceSpheres InputCopy::source(const Input& input, cudaStream_t stream) {
   DeviceSpheres s;
   const auto loose = static_cast<std::uint32_t>(loose_count(input));
-  s.placed = knows(input) ? known_placed_ : static_cast<std::uint32_t>(sphere_count(input)) - loose;
+  const bool known = knows(input);
+  std::vector<std::uint32_t> first;
+  if (!known) first = first_spheres(input);
+  s.placed = known ? known_placed_ : first.back();
   s.count = s.placed + loose;
   if (input.spheres.count) copy_loose(input.spheres, s, stream);
   if (input.around) take_around(input, s);
   if (s.placed)
-    copy_bodies(input, s, stream);
+    copy_bodies(input, first, s, stream);
   else
     forget();
   s.filtered =
@@ -83,14 +95,15 @@ void InputCopy::take_around(const Input& input, DeviceSpheres& s) {
   s.own = static_cast<std::uint32_t>(input.spheres.count);
 }
 
-void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t stream) {
+void InputCopy::copy_bodies(const Input& input, const std::vector<std::uint32_t>& first, DeviceSpheres& s,
+                            cudaStream_t stream) {
   const bool known = knows(input);
   revision_ = 0;  // set when everything is enqueued
   if (known) {
     posed_.move(input, stream);
   } else {
     posed_.read(input, stream);
-    copy_shapes(input, s.placed, stream);
+    copy_shapes(input, first, stream);
   }
   s.bodies = posed_.bodies(), s.body_of = body_of_.data(), s.body_first = body_first_.data(),
   s.shape_spheres = shapes_.data(), s.shape_first = shape_first_.data();
@@ -98,20 +111,16 @@ void InputCopy::copy_bodies(const Input& input, DeviceSpheres& s, cudaStream_t s
 }
 
 // The spheres of the shapes, and to which body each placed sphere belongs. Waits for the device.
-void InputCopy::copy_shapes(const Input& input, std::uint32_t placed, cudaStream_t stream) {
-  std::vector<std::uint32_t> first, shape_first;
-  std::uint64_t spheres = 0, shape_spheres = 0;
-  for (const Body& b : input.bodies) {
-    first.push_back(static_cast<std::uint32_t>(spheres));
-    spheres += input.shapes[b.shape].count;
-  }
-  first.push_back(static_cast<std::uint32_t>(spheres));
+void InputCopy::copy_shapes(const Input& input, const std::vector<std::uint32_t>& first,
+                            cudaStream_t stream) {
+  std::vector<std::uint32_t> shape_first;
+  std::uint64_t shape_spheres = 0;
   for (const Shape& shape : input.shapes) {
     shape_first.push_back(static_cast<std::uint32_t>(shape_spheres));
     shape_spheres += shape.count;
   }
   Sphere* shapes = shapes_.reserve(shape_spheres);
-  std::uint32_t *body_of = body_of_.reserve(placed), *body_first = body_first_.reserve(first.size()),
+  std::uint32_t *body_of = body_of_.reserve(first.back()), *body_first = body_first_.reserve(first.size()),
                 *shapes_first = shape_first_.reserve(shape_first.size());
   const auto copy = [&](void* to, const void* from, std::uint64_t bytes) {
     host_.run(to, from, bytes, "copy the shapes", stream);

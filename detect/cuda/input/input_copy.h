@@ -24,8 +24,10 @@ class InputCopy {
  private:
   void copy_loose(const Spheres& spheres, DeviceSpheres& source, cudaStream_t stream);
   static void take_around(const Input& input, DeviceSpheres& source);
-  void copy_bodies(const Input& input, DeviceSpheres& source, cudaStream_t stream);
-  void copy_shapes(const Input& input, std::uint32_t placed, cudaStream_t stream);
+  // `first`: the first sphere of each body and the number of all, if the bodies are not known.
+  void copy_bodies(const Input& input, const std::vector<std::uint32_t>& first, DeviceSpheres& source,
+                   cudaStream_t stream);
+  void copy_shapes(const Input& input, const std::vector<std::uint32_t>& first, cudaStream_t stream);
 
   HostCopy host_;
   Buffer<unsigned char> centers_, radii_, static_;

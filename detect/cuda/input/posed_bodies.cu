@@ -68,8 +68,6 @@ PosedBodies::PosedBodies(MemoryBook& book)
 const Body* PosedBodies::read(const Input& input, cudaStream_t stream) {
   if (read_) return bodies_.data();
   const std::uint64_t n = input.bodies.size();
-  moving_ =
-      std::count_if(input.bodies.begin(), input.bodies.end(), [](const Body& b) { return !b.is_static; });
   some_static_ = moving_ < n;
   in_place_ = false;
   Body* const bodies = bodies_.reserve(n);

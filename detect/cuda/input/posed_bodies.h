@@ -19,7 +19,7 @@ class PosedBodies {
   explicit PosedBodies(MemoryBook& book);
 
   // Before anything of a call is read.
-  void begin_call() { read_ = false; }
+  void begin_call(std::uint64_t moving) { read_ = false, moving_ = moving; }
   // Copies all of them, unless that was done in this call.
   const Body* read(const Input& input, cudaStream_t stream);
   // Brings the bodies of a known revision to their new poses. Poses that the caller keeps in host memory

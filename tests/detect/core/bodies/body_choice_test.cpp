@@ -59,7 +59,7 @@ struct Strewn {
     for (const Body& b : in.bodies) spheres += in.shapes[b.shape].count;
     const auto moving =
         in.spheres.count - static_cast<std::uint64_t>(std::count(marks.begin(), marks.end(), 1));
-    const BodyCensus census = census_of(in, pieces);
+    const BodyCensus census = census_of(in.shapes, tally_of(in), pieces);
     const double most = most_touching_balls(census, spheres, in.spheres.count, moving, costs);
     return most > 0 && touching_balls(in, 0, pieces) < most;
   }
@@ -123,16 +123,17 @@ TEST(BodyChoice, TheCensusTellsHowFullBallsAre) {
   Random random = random_of_new_seed();
   Strewn s;
   Pieces pieces;
-  EXPECT_EQ(census_of(s.input(), pieces).bodies, 0u) << "no body";
+  const auto census = [&] { return census_of(s.input().shapes, tally_of(s.input()), pieces); };
+  EXPECT_EQ(census().bodies, 0u) << "no body";
   s.add(7, 1, 10, random), s.bodies[2].is_static = true;  // of three spheres
-  BodyCensus c = census_of(s.input(), pieces);
+  BodyCensus c = census();
   EXPECT_EQ(c.bodies, 7u);
   EXPECT_EQ(c.balls, 6u);
   EXPECT_TRUE(c.some_static);
   EXPECT_NEAR(c.filled, 1. / 9, 1e-3);
   EXPECT_NEAR(c.contacts, 1. / 3, 3e-3);
   s.bodies.clear(), s.assets[1].assign(20, {1, 2, 3, 0.7}), s.add(5, 1, 10, random), s.add(3, 2, 10, random);
-  c = census_of(s.input(), pieces);
+  c = census();
   EXPECT_FALSE(c.some_static);
   EXPECT_NEAR(c.contacts, 400, 1);
 }
