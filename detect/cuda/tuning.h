@@ -87,6 +87,7 @@ inline constexpr int kOctaveBlocks = 5;
 // and 1,000,000 loose spheres.
 inline constexpr BodyCosts kKnownBodies{.octave = 0.5,
                                         .call = 100'000,
+                                        .body = -0.5,
                                         .ball = 0.75,
                                         .pair = 0.5,
                                         .crowd = 12'000,

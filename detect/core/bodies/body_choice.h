@@ -11,9 +11,9 @@ namespace padder::detect {
 // What it costs to search bodies first, in spheres of one size that are expanded and searched in the same
 // time.
 struct BodyCosts {
-  double octave = 0;  // how much longer an expanded sphere takes for each of BodyCensus::octaves
-  double call = 0;    // once
-  double body = 0;
+  double octave = 0;   // how much longer an expanded sphere takes for each of BodyCensus::octaves
+  double call = 0;     // once
+  double body = 0;     // less what its pose costs where its spheres are expanded
   double ball = 0;     // about a piece of a body
   double pair = 0;     // of balls that touch: the spheres of two pieces are tested
   double crowd = 0;    // for each ball that a ball touches on average: all wait for who has the most
