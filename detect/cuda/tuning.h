@@ -82,9 +82,9 @@ inline constexpr int kOctaveBlocks = 5;
 
 // ---- Bodies ----
 // What it costs to search bodies first, in spheres that are expanded and searched: where a revision says that
-// most of the scene stays, and where all is read in each call. Fitted to 324 piles of bodies of 1 to 200
-// spheres, of 25,000 to 43 million spheres in all (docs/experiments/bodies.md); what is static, with 100,000
-// and 1,000,000 loose spheres.
+// most of the scene stays, and where all is read in each call. Fitted to 412 piles of bodies of 1 to 200
+// spheres, of 25,000 to 43 million spheres in all, and 459 mixtures of shapes, of which 115 have static
+// bodies (docs/experiments/bodies.md).
 inline constexpr BodyCosts kKnownBodies{.octave = 0.5,
                                         .call = 100'000,
                                         .body = -0.5,
@@ -92,8 +92,8 @@ inline constexpr BodyCosts kKnownBodies{.octave = 0.5,
                                         .pair = 0.5,
                                         .crowd = 12'000,
                                         .contact = 0.35,
-                                        .static_call = 500'000,
-                                        .static_each = 40},
+                                        .static_call = 30'000,
+                                        .static_each = 12},
     kNewBodies{.octave = 0.5,
                .call = 250'000,
                .body = 15,

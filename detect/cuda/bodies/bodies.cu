@@ -57,7 +57,7 @@ void BodySearch::make_plan(const Call& call, const Output& output) {
   plan_.static_count = input_.table().count;
   plan_.method = method_, plan_.moves = book_.moves;
   plan_.stable_order = call.options.order == Order::stable;
-  plan_.all_pairs = are_few(view.moving), plan_.samples = samples_;
+  plan_.all_pairs = are_few(view.moving), plan_.samples = samples_, plan_.most_pairs = most_pairs_;
   if (!plan_.all_pairs) {
     plan_.grid = choose_grid(summary_, 0);
     if (plan_.stable_order) plan_.quota = quota_;
@@ -146,7 +146,8 @@ void BodySearch::enqueue(const Plan& plan, Tools& tools, cudaStream_t stream, St
     const ProfileRange range("padder: narrow phase of bodies (stages 8 and 9)");
     NarrowPhaseTask t{plan.view, plan.loose, plan.own};
     t.margin = plan.margin, t.owns_all = plan.own == Region{}, t.stable_order = plan.stable_order;
-    t.pairs = plan.pairs.pairs, t.pair_room = plan.pairs.capacity, t.room = plan.room;
+    t.pairs = plan.pairs.pairs, t.pair_room = std::min(plan.pairs.capacity, plan.most_pairs);
+    t.room = plan.room;
     t.hits = plan.hits, t.counters = counters;
     narrow_phase(t, plan.output, tools.narrow, plan.processors, stream, clock);
   }
@@ -289,6 +290,8 @@ bool BodySearch::run(const Call& call, PairLimit limit, Contacts& contacts) {
     return false;
   }
   pairs_.reserve(4 * std::uint64_t(moving) + 1024);
+  most_pairs_ =
+      limit.most < 0x1p63 ? static_cast<std::uint64_t>(std::max(limit.most, 0.0)) : ~std::uint64_t(0);
   Steps steps{*this, call, limit.most, contacts};
   // Where only a box's elements are searched, their number changes as they move, and with it the grid.
   if (!speculative_.run(steps, known && moving > 0 && moving == summary_.count)) return false;

@@ -43,8 +43,9 @@ class BodySearch {
     Grid static_grid;
     std::uint32_t static_count = 0;
     Lent lent;
-    uint4* hits = nullptr;   // for a stable order
-    std::uint64_t room = 0;  // for contacts
+    uint4* hits = nullptr;                         // for a stable order
+    std::uint64_t room = 0;                        // for contacts
+    std::uint64_t most_pairs = ~std::uint64_t(0);  // of balls that touch; beyond, no contact is looked for
     OrderMethod method = OrderMethod::automatic;
     bool octaves = false, with_survey = false, stable_order = true;
     bool all_pairs = false;  // so few elements that no grid is needed
@@ -88,8 +89,9 @@ class BodySearch {
   Plan plan_;
   Recording<Plan> recording_;
   SpeculativeCall speculative_{1};
-  bool samples_ = false;     // Plan::samples of this call
-  bool went_first_ = false;  // the call before did not give up
+  bool samples_ = false;          // Plan::samples of this call
+  std::uint64_t most_pairs_ = 0;  // likewise
+  bool went_first_ = false;       // the call before did not give up
   OrderMethod method_ = OrderMethod::automatic;
   Buffer<Pair> pairs_;
   Buffer<uint4> hits_;

@@ -42,8 +42,26 @@ __global__ void __launch_bounds__(kThreads) all_pairs_kernel(const __grid_consta
   if (lane == 0 && Write && e + 1 == n) task.counters->broad.contacts = base + found;
 }
 
-// A warp for each moving element; a lane takes one row of bins at a time. With `Write` each lane goes over
-// its row twice, once to count, so that the pairs come in the order of rows.
+// The sum of `n` over the lanes up to this one.
+__device__ __forceinline__ std::uint32_t sum_upto(std::uint32_t lane, std::uint32_t n) {
+#pragma unroll
+  for (int d = 1; d < 32; d <<= 1) {
+    const std::uint32_t u = __shfl_up_sync(kAll, n, d);
+    if (static_cast<int>(lane) >= d) n += u;
+  }
+  return n;
+}
+// The first lane whose `upto` is more than k, if there is one.
+__device__ __forceinline__ std::uint32_t lane_beyond(std::uint32_t upto, std::uint32_t k) {
+  std::uint32_t lane = 0;
+#pragma unroll
+  for (std::uint32_t d = 16; d; d >>= 1)
+    if (__shfl_sync(kAll, upto, lane + d - 1) <= k) lane += d;
+  return lane;
+}
+
+// A warp for each moving element. Each lane looks up one row of bins; the balls of 32 rows are then dealt out
+// to all lanes, in the order of the rows.
 template <bool Write>
 __global__ void __launch_bounds__(kThreads)
     static_pairs_kernel(const __grid_constant__ ElementPairTask task, const __grid_constant__ Grid grid) {
@@ -64,41 +82,35 @@ __global__ void __launch_bounds__(kThreads)
       BinBox box;
       if (population == 0 || !bins_near(l, t.bounds[level], ball, population, box)) continue;
       const std::uint64_t nx = l.hashed ? box.high[0] - box.low[0] + 1 : 1, ny = box.high[1] - box.low[1] + 1,
-                          rows = box.whole ? population : nx * ny * (box.high[2] - box.low[2] + 1);
+                          rows = box.whole ? 1 : nx * ny * (box.high[2] - box.low[2] + 1);
       for (std::uint64_t from = 0; from < rows; from += 32) {
         const std::uint64_t row = from + lane;
-        std::uint32_t first = 0, end = 0;
+        std::uint32_t first = begin, count = box.whole && lane == 0 ? population : 0;
         std::int64_t x = 0, y = 0, z = 0;
-        if (row < rows && box.whole) {
-          first = begin + static_cast<std::uint32_t>(row), end = first + 1;
-        } else if (row < rows) {
+        if (!box.whole && row < rows) {
           x = box.low[0] + row % nx, y = box.low[1] + row / nx % ny, z = box.low[2] + row / nx / ny;
           const std::uint32_t key = row_of(l, y, z);
           first = t.starts[key_in_row(l, key, x)];
-          end = t.starts[key_in_row(l, key, l.hashed ? x : box.high[0]) + 1];
+          count = t.starts[key_in_row(l, key, l.hashed ? x : box.high[0]) + 1] - first;
         }
-        const auto touches = [&](std::uint32_t k) {
-          const Sphere s = t.balls[k];
-          if (!touching(ball, s) || (l.hashed && !box.whole && !in_row(l, s, x, x, y, z))) return false;
-          return admitted(mine, filter_of(v, t.elements[k]));
-        };
-        std::uint32_t count = 0;
-        for (std::uint32_t k = first; k < end; k++) count += touches(k);
-        if (Write && __any_sync(kAll, count != 0)) {
-          std::uint32_t upto = count;
-#pragma unroll
-          for (int d = 1; d < 32; d <<= 1) {
-            const std::uint32_t u = __shfl_up_sync(kAll, upto, d);
-            if (static_cast<int>(lane) >= d) upto += u;
+        const std::uint32_t upto = sum_upto(lane, count), all = __shfl_sync(kAll, upto, 31),
+                            before = upto - count;
+        for (std::uint32_t k0 = 0; k0 < all; k0 += 32) {
+          const std::uint32_t k = k0 + lane, of = lane_beyond(upto, k),
+                              at = __shfl_sync(kAll, first - before, of) + k;
+          const auto of_row = [&](std::int64_t c) { return __shfl_sync(kAll, c, of); };
+          bool in_its_row = k < all;
+          if (l.hashed && !box.whole) {
+            const std::int64_t x0 = of_row(x), y0 = of_row(y), z0 = of_row(z);
+            in_its_row = in_its_row && in_row(l, t.balls[at], x0, x0, y0, z0);
           }
-          unsigned long long at = base + found + upto - count;
-          for (std::uint32_t k = first; count && k < end; k++)
-            if (touches(k)) {
-              if (at < task.pair_room) task.pairs[at] = {e, t.elements[k]};
-              at++;
-            }
+          const bool hit =
+              in_its_row && touching(ball, t.balls[at]) && admitted(mine, filter_of(v, t.elements[at]));
+          const std::uint32_t hits = __ballot_sync(kAll, hit);
+          const unsigned long long to = base + found + __popc(hits & ((1u << lane) - 1));
+          if (Write && hit && to < task.pair_room) task.pairs[to] = {e, t.elements[at]};
+          found += __popc(hits);
         }
-        found += __reduce_add_sync(kAll, count);
       }
     }
     if (lane == 0 && !Write) task.counts[e] = static_cast<std::uint32_t>(found);
