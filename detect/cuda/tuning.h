@@ -86,6 +86,7 @@ inline constexpr int kOctaveBlocks = 5;
 // spheres, of 25,000 to 43 million spheres in all, and 459 mixtures of shapes, of which 115 have static
 // bodies (docs/experiments/bodies.md).
 inline constexpr BodyCosts kKnownBodies{.octave = 0.5,
+                                        .loose = 0.4,
                                         .call = 100'000,
                                         .body = -0.5,
                                         .ball = 0.75,

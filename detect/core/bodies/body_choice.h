@@ -12,6 +12,7 @@ namespace padder::detect {
 // time.
 struct BodyCosts {
   double octave = 0;   // how much longer an expanded sphere takes for each of BodyCensus::octaves
+  double loose = 1;    // a loose sphere, searched as it is
   double call = 0;     // once
   double body = 0;     // less what its pose costs where its spheres are expanded
   double ball = 0;     // about a piece of a body
