@@ -86,7 +86,7 @@ inline constexpr int kOctaveBlocks = 5;
 // spheres, of 25,000 to 43 million spheres in all, and 459 mixtures of shapes, of which 115 have static
 // bodies (docs/experiments/bodies.md).
 inline constexpr BodyCosts kKnownBodies{.octave = 0.5,
-                                        .loose = 0.4,
+                                        .loose = 0.5,
                                         .call = 100'000,
                                         .body = -0.5,
                                         .ball = 0.75,
@@ -94,7 +94,7 @@ inline constexpr BodyCosts kKnownBodies{.octave = 0.5,
                                         .crowd = 12'000,
                                         .contact = 0.35,
                                         .static_call = 30'000,
-                                        .static_each = 12},
+                                        .static_each = 20},
     kNewBodies{.octave = 0.5,
                .call = 250'000,
                .body = 15,
