@@ -87,7 +87,7 @@ class Assignment {
   // Of a part of a scene, which has these numbers there.
   Assignment(const Input& input, int threads, const Numbering& numbering);
 
-  // The halos depend on the largest radius of the scene, of which these spheres may be a part.
+  // The halos depend on the largest radius of the whole scene; these spheres may be a part of it.
   double largest_radius() const { return largest_radius_; }
   // Pairs whose gap is at most this are contacts, too (CallOptions::margin). To be set before count().
   void set_margin(double margin) { margin_ = margin; }

@@ -351,7 +351,7 @@ const BoxReport& BoxedDetector::Work::run(const Input& input, const ContactConsu
     const Input settled = bodies_.settle(input);
     if (const std::uint64_t spheres = sphere_count(settled); spheres > most)
       throw Error(std::to_string(spheres) +
-                  " spheres are more than a list of 32-bit numbers names: hand detect() a consumer");
+                  " spheres are more than 32-bit numbers can name: give detect() a consumer");
     Assignment assignment(settled, threads());
     assignment.set_margin(options_.detector.margin);
     plan(assignment);

@@ -93,8 +93,8 @@ BoxTree cut_space(std::vector<WeightedPoint> points, std::uint32_t boxes, const 
                   int threads = 1);
 
 // The tree of boxes that another program cut by bisection: the planes are found from the faces. The boxes of
-// the tree have no gaps and no overlaps even if those that are given do; where they fit together, they are
-// the same. Throws Error if no plane separates them.
+// the tree have no gaps and no overlaps, even if the given ones do. If the given ones fit together, the boxes
+// are the same. Throws Error if no plane separates them.
 BoxTree tree_of(std::span<const Region> boxes);
 
 // The largest work over the mean; 1: all boxes have the same.

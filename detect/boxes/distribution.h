@@ -109,8 +109,8 @@ class Distribution {
   }
 
   // Calls use(first, end, box) for runs of items of a block and their boxes, if they meet `around`; the runs
-  // of a box come in order. Items of successive numbers often lie in one box, all of them: so the tree is
-  // asked for groups, of those that lie in several boxes for smaller groups, and at last for single items.
+  // of a box come in order. Successive items often lie in one box, all of them. So the tree is asked about
+  // groups; of a group that lies in several boxes, about smaller groups; and at last about single items.
   template <class BoundsOf, class Use>
   void each_run(std::uint64_t block, const BoxTree& tree, const Region& around, const BoundsOf& bounds,
                 const Use& use) const {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Contacts of loose spheres and bodies that lie on several GPUs, of one machine or of several, as in a
-// simulation that runs there. The spheres stay where they are, only those near a face travel, from GPU to
-// GPU, and the contacts stay on the GPU that found them. Of the poses of bodies each GPU reads those that it
-// needs from the others; all travel to all GPUs where these cannot read each other's memory, and between
-// ranks. The contacts are those of one Detector, pair for pair. docs/scale.md tells how it works.
+// simulation that runs there. The spheres stay where they are; only those near a face travel from GPU to GPU.
+// The contacts stay on the GPU that found them. Each GPU reads the poses of bodies that it needs from the
+// others; all poses travel to all GPUs where these cannot read each other's memory, and between ranks. The
+// contacts are those of one Detector, pair for pair. docs/scale.md tells how it works.
 #pragma once
 #include <cstdint>
 #include <memory>
@@ -21,12 +21,12 @@ struct ResidentOptions {
   // How each GPU detects. `own` limits the contacts of the whole scene, `memory_limit` is for each GPU's
   // detector; `stream`, `output` and `threads` are not read.
   CallOptions detector;
-  // The numbers of the GPUs. The same one may be named more than once. Empty: all there are; of a rank, GPU k
-  // for the k-th rank of a machine, again from the first on where there are more ranks than GPUs.
+  // The numbers of the GPUs. The same one may be named more than once. Empty: all there are. With `ranks`:
+  // GPU k for the k-th rank of a machine; where there are more ranks than GPUs, they begin again at 0.
   std::vector<int> devices;
   // The ranks of MPI that share the scene: resident_ranks() of detect/mpi/resident_ranks.h. Each has one GPU
-  // and one ResidentDetector, and every function of these but found(), report(), region() and devices() is
-  // collective: all ranks call it. Null: this process alone.
+  // and one ResidentDetector. All its functions but found(), report(), region() and devices() are
+  // collective: all ranks call them. Null: this process alone.
   std::shared_ptr<ResidentRanks> ranks;
 };
 
@@ -60,7 +60,7 @@ struct ResidentNumbers {
 
 // What one GPU found: all arrays lie in its memory, until the next call or the end of the detector. The pairs
 // number the spheres of all bodies as in the scene, then the first numbers.before of `others`, then `own`,
-// and then the rest of `others`. numbers.of(k) is the number in the scene of what has number k here.
+// and then the rest of `others`. numbers.of(k) is the number in the scene of sphere k here.
 struct ResidentContacts {
   int device = 0;
   Contacts contacts;
@@ -100,7 +100,7 @@ class ResidentDetector {
   // copies the bodies and divides them into pieces. poses[k] lies on GPU k: the poses of the first bodies on
   // the first GPU, those of the next on the second, and so on, one pose for each body. Without `poses`, those
   // of `bodies` in host memory count, as for a Detector. The spheres of bodies are numbered before the loose
-  // ones. All ranks give the same bodies, of which only the counts are compared, and each rank its part of
+  // ones. All ranks give the same bodies (only the counts are compared), and each rank gives its part of
   // the poses.
   const ResidentReport& detect(std::span<const Spheres> parts, const Input& bodies,
                                std::span<const ResidentPoses> poses = {});

@@ -37,7 +37,10 @@ struct WorldBounds {
   // Are there two worlds whose spheres do not meet?
   bool many() const { return first_world < last_world; }
   // Do the numbers leave most boxes of so many spheres empty? Then ranks may take their place.
-  bool sparse(std::uint64_t spheres) const { return many() && last_world - first_world >= 4 * spheres; }
+  static constexpr std::uint64_t kMostBoxesPerSphere = 4;
+  bool sparse(std::uint64_t spheres) const {
+    return many() && last_world - first_world >= kMostBoxesPerSphere * spheres;
+  }
 };
 
 // Host code. Boxes for so many spheres, so far from each other that spheres of two of them do not come within

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <map>
-#include <optional>
 #include <set>
 
 #include "padding/asset/error.h"
@@ -350,8 +349,8 @@ class MjcfReader {
 
   // Of a mesh or a shell only a stated mass is known.
   struct Weight {
-    std::optional<double> mass;
-    std::optional<Inertial> inertial;
+    Inertial inertial;
+    bool mass_known = true, moments_known = true;
   };
 
   // As MuJoCo weighs the geom.
@@ -361,14 +360,12 @@ class MjcfReader {
     const double group = file_.number(e, "group", 0), density = file_.number(e, "density", 1000);
     const double mass = file_.number(e, "mass", -1);  // below 0: none is stated
     const bool counts = !range || range->size() != 2 || (group >= (*range)[0] && group <= (*range)[1]);
-    if (!counts || mass == 0 || (mass < 0 && density == 0)) return {0, Inertial{}};
+    if (!counts || mass == 0 || (mass < 0 && density == 0)) return {};
     const std::string type = e.text("type", "sphere");
     if (e.attribute("mesh") || type == "mesh" || type == "sdf" || e.text("shellinertia") == "true")
-      return {mass > 0 ? std::optional(mass) : std::nullopt, {}};
+      return {Inertial{std::max(mass, 0.0)}, mass > 0, false};
     const RobotShape shape = shape_of(geom);
-    const Inertial solid =
-        reading::solid_inertia(shape, mass > 0 ? mass : density * reading::volume_of(shape));
-    return {solid.mass, solid};
+    return {reading::solid_inertia(shape, mass > 0 ? mass : density * reading::volume_of(shape))};
   }
 
   // MuJoCo gives a body without <inertial> the mass of its geoms, those to look at included.
@@ -378,9 +375,9 @@ class MjcfReader {
     for (const Geom& geom : geoms_) {
       if (geom.link == 0 || robot_.model.bodies[geom.link].inertial) continue;  // the world has no mass
       const Weight weight = weight_of(geom);
-      parts[geom.link].push_back(weight.inertial.value_or(Inertial{weight.mass.value_or(0)}));
-      if (!weight.mass) without_mass.insert(geom.link);
-      if (!weight.inertial) without_moments.insert(geom.link);
+      parts[geom.link].push_back(weight.inertial);
+      if (!weight.mass_known) without_mass.insert(geom.link);
+      if (!weight.moments_known) without_moments.insert(geom.link);
     }
     std::vector<std::string> shaped, padded, bare;
     for (const auto& [index, geoms] : parts) {

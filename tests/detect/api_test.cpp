@@ -9,9 +9,7 @@
 #include <regex>
 #include <type_traits>
 
-#include "detect/detector.h"
-#include "detect/scene/generate.h"
-#include "padding/asset/error.h"
+#include "tests/detect/oracle.h"
 #include "tests/error_of.h"
 
 namespace padder::detect {
@@ -41,46 +39,36 @@ concept HasSpansOf = requires(const Contacts& c) {
 };
 static_assert(HasSpansOf<float> && HasSpansOf<double> && !HasSpansOf<int> && !HasSpansOf<long double>);
 
-struct TwoSpheres {
-  const float numbers[8] = {0, 0, 0, 1, 1.5f, 0, 0, 1};
-  Input input() const {
-    Input in;
-    in.spheres = spheres_of(2, numbers, numbers + 3);
-    in.spheres.center_stride = in.spheres.radius_stride = 4;
-    return in;
-  }
-};
+const FloatSphere two_spheres[] = {{0, 0, 0, 1}, {1.5f, 0, 0, 1}};
 
 void expect_refusal(const std::function<void()>& call, const std::string& part) {
   EXPECT_TRUE(refuses(call, part));
 }
 
 TEST(Api, SpansAreOfTheScalarOfTheRecords) {
-  const TwoSpheres scene;
   Detector d(DeviceChoice{BackendKind::omp});
   d.options().width = Width::points;
-  const Contacts& c = d.detect(scene.input());
+  const Contacts& c = d.detect(input_of(two_spheres));
   ASSERT_EQ(c.count, 1u);
   EXPECT_EQ(c.normal_span<float>()[0].depth, 0.5f);
   EXPECT_EQ(c.point_span<float>()[0].on_i[0], 1);
   expect_refusal([&] { c.normal_span<double>(); }, "of type float and cannot be read as double");
   expect_refusal([&] { c.point_span<double>(); }, "of type float and cannot be read as double");
   d.options().scalar = Scalar::f64;
-  d.detect(scene.input());
+  d.detect(input_of(two_spheres));
   EXPECT_EQ(c.normal_span<double>()[0].depth, 0.5);
   EXPECT_EQ(c.point_span<double>()[0].on_j[0], 0.5);
   expect_refusal([&] { c.normal_span<float>(); }, "of type double and cannot be read as float");
 }
 
 TEST(Api, SpansOfRecordsThatWereNotAskedForAreEmpty) {
-  const TwoSpheres scene;
   Detector d(DeviceChoice{BackendKind::omp});
   d.options().width = Width::normals;
-  const Contacts& c = d.detect(scene.input());
+  const Contacts& c = d.detect(input_of(two_spheres));
   EXPECT_EQ(c.normal_span<float>().size(), 1u);
   EXPECT_TRUE(c.point_span<double>().empty());
   d.options().width = Width::pairs;
-  d.detect(scene.input());
+  d.detect(input_of(two_spheres));
   EXPECT_EQ(c.pair_span().size(), 1u);
   EXPECT_TRUE(c.normal_span<double>().empty());
   EXPECT_TRUE(Contacts().normal_span<double>().empty());
@@ -95,11 +83,10 @@ TEST(Api, SpansAreCheckedWithoutContactsToo) {
 }
 
 TEST(Api, TheBackendIsThatOfTheConstructor) {
-  const TwoSpheres scene;
   Detector d({BackendKind::omp, 0});
   EXPECT_STREQ(d.backend(), "omp");
   d.options() = CallOptions();
-  d.detect(scene.input());
+  d.detect(input_of(two_spheres));
   EXPECT_STREQ(d.backend(), "omp");
   CallOptions pairs;
   pairs.width = Width::pairs;
@@ -118,14 +105,13 @@ static_assert(Path::fast == Path::grid && Precision::fast == Precision::float32 
 static_assert(std::is_same_v<Choice, BackendKind> && std::is_same_v<Random, SplitMix64>);
 
 TEST(Api, OlderSourcesStillChooseByOptions) {
-  const TwoSpheres scene;
   Options options;
   options.backend = BackendKind::omp, options.device = 0, options.width = Width::pairs;
   Detector d(options);
   EXPECT_STREQ(d.backend(), "omp");
   d.options().threads = 1;
   d.options() = options;  // the device stays
-  EXPECT_EQ(d.detect(scene.input()).count, 1u);
+  EXPECT_EQ(d.detect(input_of(two_spheres)).count, 1u);
   if (!cuda_present()) {
     options.backend = BackendKind::cuda;
     EXPECT_THROW(Detector{options}, Error);

@@ -32,12 +32,12 @@ TEST(Contact, TheDecisionHoldsAtAnySize) {
   EXPECT_FALSE(touching({1e100, -1e100, 0, 0}, {-1e100, 1e100, 0, 5e-324}));
   EXPECT_TRUE(touching({1e-320, 0, 0, 1e-320}, {1, 0, 0, 1}));
   std::mt19937_64 random(11);
-  std::uniform_real_distribution<double> unit(-1, 1);
   for (const int exponent :
        {0, 300, -400, -470, -499, -500, -501, -502, -520, -600, -900, -1000, -1022, -1060})
     for (int k = 0; k < 20000; k++) {
-      Sphere a{unit(random), unit(random), unit(random), std::abs(unit(random))};
-      Sphere b{unit(random), unit(random), unit(random), std::abs(unit(random)) * (k % 3 == 0 ? 1e-9 : 1)};
+      Sphere a{signed_unit(random), signed_unit(random), signed_unit(random), std::abs(signed_unit(random))};
+      Sphere b{signed_unit(random), signed_unit(random), signed_unit(random),
+               std::abs(signed_unit(random)) * (k % 3 == 0 ? 1e-9 : 1)};
       const bool at_one = touching(a, b);
       for (Sphere* s : {&a, &b})
         for (double* v : {&s->x, &s->y, &s->z, &s->r}) *v = std::ldexp(*v, exponent);
@@ -71,7 +71,6 @@ template <class MakeSlot>
 void filter_is_right(double scale, double far, bool to_float, MakeSlot slot) {
   std::mt19937_64 random(42);
   std::normal_distribution<double> normal;
-  std::uniform_real_distribution<double> unit(0, 1);
   int sure = 0, doubt = 0;
   for (int k = 0; k < 200000; k++) {
     Sphere a{far + unit(random) * 20, far + unit(random) * 20, unit(random) * 20, 0.25 + 0.75 * unit(random)},

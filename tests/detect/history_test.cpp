@@ -13,28 +13,16 @@ namespace {
 
 using Index = std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t>;
 
-class HistoryTest : public testing::TestWithParam<BackendKind> {
+class HistoryTest : public BackendTest {
  protected:
   void SetUp() override {
-    if (GetParam() == BackendKind::cuda) {
-      if (!cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
-      Detector probe({GetParam()});
-      probe.options().history = true;
-      try {
-        probe.detect(Input{});
-      } catch (const Error& e) {
-        GTEST_SKIP() << "this backend refuses, in a sentence: " << e.what();
-      }
-    }
-    detector_ = std::make_unique<Detector>(DeviceChoice{GetParam()});
-    detector_->options().history = true;
-    std::random_device device;
-    seed_ = device();
-    std::printf("seed %u\n", seed_);
-    random_.seed(seed_);
+    BackendTest::SetUp();
+    if (IsSkipped()) return;
+    options_.history = true;
+    detector_ = std::make_unique<Detector>(device_, options_);
   }
 
-  double unit() { return std::uniform_real_distribution<double>(0, 1)(random_); }
+  double unit() { return detect::unit(random_); }
   std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
 
   // Detects, and compares the history with what the list of the call before says.
@@ -56,6 +44,10 @@ class HistoryTest : public testing::TestWithParam<BackendKind> {
     before_.clear();
     for (std::uint64_t k = 0; k < c.count; k++)
       before_[{pairs[k].i, pairs[k].j}] = static_cast<std::uint32_t>(k);
+  }
+
+  void expect_right(const TestScene& scene, Scalar scalar = Scalar::f32) {
+    expect_right(Arranged(scene, scalar).input);
   }
 
   template <class T>
@@ -80,8 +72,8 @@ class HistoryTest : public testing::TestWithParam<BackendKind> {
     o.output = GetParam() == BackendKind::cuda && below(2) ? Memory::device : Memory::host;
   }
 
-  std::uint32_t seed_ = 0;
-  std::mt19937_64 random_;
+  std::mt19937_64 random_ = random_of_new_seed();
+  const std::uint32_t seed_ = static_cast<std::uint32_t>(random_());
   std::unique_ptr<Detector> detector_;
   Index before_;
   std::uint64_t known_ = 0;  // contacts of the last call that the list before has
@@ -99,9 +91,8 @@ TEST_P(HistoryTest, FollowsLooseSpheresThatMoveComeAndGo) {
         scene.spheres.push_back(s);
     if (below(10) == 0) std::shuffle(scene.spheres.begin(), scene.spheres.end(), random_);  // other numbers
     draw_options();
-    const Arranged a(scene, below(2) ? Scalar::f32 : Scalar::f64);
     SCOPED_TRACE("step " + std::to_string(step));
-    expect_right(a.input);
+    expect_right(scene, below(2) ? Scalar::f32 : Scalar::f64);
     if (HasFatalFailure()) return;
     known += known_, all += before_.size();
   }
@@ -168,9 +159,8 @@ TEST_P(HistoryTest, FollowsALongListThroughAnotherOrder) {
       s.x += 0.02 * (unit() - 0.5), s.y += 0.02 * (unit() - 0.5), s.z += 0.02 * (unit() - 0.5);
     }
     detector_->options().order = step % 2 ? Order::any : Order::stable;
-    const Arranged a(scene, Scalar::f32);
     SCOPED_TRACE("step " + std::to_string(step));
-    expect_right(a.input);
+    expect_right(scene);
     if (HasFatalFailure()) return;
     if (step > 0) {
       EXPECT_GT(known_, before_.size() / 10 * 9);
@@ -184,9 +174,8 @@ TEST_P(HistoryTest, FollowsAShortListAfterALongOneAndBack) {
   TestScene scene = random_scene(20000, 1, 0.6, seed_);
   for (const double by : {1.0, 0.4, 2.5, 0.4, 0.9, 1 / 0.36}) {
     for (Sphere& s : scene.spheres) std::swap(s.x, s.z), s.r *= by;
-    const Arranged a(scene, Scalar::f32);
     SCOPED_TRACE("radii times " + std::to_string(by));
-    expect_right(a.input);
+    expect_right(scene);
     if (HasFatalFailure()) return;
   }
   EXPECT_GT(known_, 100u);
@@ -197,7 +186,7 @@ TEST_P(HistoryTest, TheListIsThatOfAPlainCallWhileContactsBecomeFewer) {
   const bool cuda = GetParam() == BackendKind::cuda;
   for (const double ratio : {1.0, 8.0}) {
     TestScene scene = random_scene(cuda ? 180000 : 20000, ratio, 0.6, seed_);
-    Detector plain(DeviceChoice{GetParam()});
+    Detector plain(device_);
     detector_->options().order = plain.options().order = Order::any;
     SomeCases some;
     for (int step = 0; step < (cuda ? 40 : 4); step++) {
@@ -217,9 +206,8 @@ TEST_P(HistoryTest, FollowsThroughMoreCallsThanAMarkCanNumber) {
   const int steps = GetParam() == BackendKind::cuda ? 300 : 30;
   for (int step = 0; step < steps; step++) {
     for (Sphere& s : scene.spheres) std::swap(s.x, s.z), s.y += 0.02 * (unit() - 0.5);
-    const Arranged a(scene, Scalar::f32);
     SCOPED_TRACE("step " + std::to_string(step));
-    expect_right(a.input);
+    expect_right(scene);
     if (HasFatalFailure()) return;
   }
   EXPECT_GT(known_, 1500u);  // more than a window
@@ -233,11 +221,9 @@ TEST_P(HistoryTest, FollowsOneSphereThatTouchesAllOthers) {
     const double z = 2 * unit() - 1, t = 2 * std::numbers::pi * unit(), c = 100 * std::sqrt(1 - z * z);
     scene.spheres.push_back({c * std::cos(t), c * std::sin(t), 100 * z, 0.1});
   }
-  const Arranged a(scene, Scalar::f64);
-  expect_right(a.input);
+  expect_right(scene, Scalar::f64);
   scene.spheres[0].r = 99.95;
-  const Arranged b(scene, Scalar::f64);
-  expect_right(b.input);
+  expect_right(scene, Scalar::f64);
   EXPECT_GE(known_, 20000u);
 }
 
@@ -253,8 +239,7 @@ TEST_P(HistoryTest, SurvivesALimitThatMakesTheDetectorGiveMemoryBack) {
   EXPECT_LT(detector_->memory(), held);
 }
 
-INSTANTIATE_TEST_SUITE_P(Backends, HistoryTest, testing::Values(BackendKind::omp, BackendKind::cuda),
-                         [](const auto& given) { return std::string(name_of(given.param)); });
+ON_EVERY_BACKEND(HistoryTest);
 
 }  // namespace
 }  // namespace padder::detect

@@ -5,23 +5,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <random>
 #include <vector>
 
 #include "detect/detector.h"
 #include "detect/scene/generate.h"
 #include "padding/asset/error.h"
-#include "tests/detect/print.h"
+#include "tests/detect/backends.h"
+#include "tests/detect/random.h"
 
 namespace padder::detect {
-
-// For a test with input that is new in each run: prints the seed with which it can be made again.
-inline std::mt19937_64 random_of_new_seed() {
-  const std::uint32_t seed = std::random_device{}();
-  std::printf("seed %u\n", seed);
-  return std::mt19937_64(seed);
-}
 
 inline std::ostream& operator<<(std::ostream& out, const Pair& p) {
   return out << "(" << p.i << ", " << p.j << ")";
@@ -45,14 +37,26 @@ struct TestScene {
   void scale(double by) {
     for (Sphere& p : spheres) p.x *= by, p.y *= by, p.z *= by, p.r *= by;
   }
+  // Sphere k is of family k % families, and its mask is k % masks.
+  void tag(std::uint32_t families, std::uint32_t masks) {
+    for (std::uint32_t k = 0; k < spheres.size(); k++)
+      family.push_back(k % families), mask.push_back(k % masks);
+  }
 };
 
-// Borrows the spheres.
-inline Input input_of(const std::vector<FloatSphere>& s) {
+// Borrows the spheres, of Sphere or FloatSphere.
+template <class List>
+Input input_of(const List& s) {
   Input input;
-  input.spheres = spheres_of(s.size(), &s[0].x, &s[0].r);
+  if (std::size(s) > 0) input.spheres = spheres_of(std::size(s), &std::data(s)->x, &std::data(s)->r);
   input.spheres.center_stride = input.spheres.radius_stride = 4;
   return input;
+}
+
+inline std::vector<Sphere> in_double_of(const std::vector<FloatSphere>& spheres) {
+  std::vector<Sphere> wide;
+  for (const FloatSphere& s : spheres) wide.push_back({s.x, s.y, s.z, s.r});
+  return wide;
 }
 
 // A float record is as near to that of double as detector.h promises.
@@ -91,11 +95,16 @@ inline bool oracle_touching(const Sphere& a, const Sphere& b, double margin = 0)
   return d2 <= r2;
 }
 
+inline bool before(const Pair& a, const Pair& b) { return a.i != b.i ? a.i < b.i : a.j < b.j; }
 inline std::vector<Pair> sorted(std::span<const Pair> pairs) {
   std::vector<Pair> p(pairs.begin(), pairs.end());
-  std::sort(p.begin(), p.end(),
-            [](const Pair& a, const Pair& b) { return a.i != b.i ? a.i < b.i : a.j < b.j; });
+  std::sort(p.begin(), p.end(), before);
   return p;
+}
+inline std::uint64_t hash_of(const std::vector<Pair>& pairs) {
+  std::uint64_t sum = 0;
+  for (const Pair& p : pairs) sum += pair_hash(p.i, p.j);
+  return sum;
 }
 
 // The scene as input in float or double; keeps the arrays alive.
@@ -173,7 +182,6 @@ inline std::vector<Pair> brute_force(const TestScene& s) { return oracle(Arrange
 // the diameters. Radii are from 1 to `ratio`; small ones are far more frequent.
 inline TestScene random_scene(std::uint32_t n, double ratio, double per_sphere, std::uint32_t seed) {
   std::mt19937_64 random(seed);
-  std::uniform_real_distribution<double> unit(0, 1);
   TestScene s;
   double volume = 0;
   std::vector<double> radii;
@@ -185,6 +193,69 @@ inline TestScene random_scene(std::uint32_t n, double ratio, double per_sphere, 
   for (const double r : radii)
     s.spheres.push_back({unit(random) * edge, unit(random) * edge, unit(random) * edge, r});
   return s;
+}
+
+// A grain of this radius in any direction from a ball, its centre `away` from the ball's surface.
+inline Sphere grain_on(const Sphere& ball, double radius, double away, std::mt19937_64& random) {
+  const double d[3] = {signed_unit(random), signed_unit(random), signed_unit(random)},
+               by = (ball.r + away) / std::hypot(d[0], d[1], d[2]);
+  return {ball.x + by * d[0], ball.y + by * d[1], ball.z + by * d[2], radius};
+}
+
+inline TestScene lattice(int side, double spacing, double radius) {
+  TestScene s;
+  for (int x = 0; x < side; x++)
+    for (int y = 0; y < side; y++)
+      for (int z = 0; z < side; z++) s.spheres.push_back({spacing * x, spacing * y, spacing * z, radius});
+  return s;
+}
+
+// Shapes, bodies of them, and loose spheres.
+struct TestBodies {
+  std::vector<std::vector<Sphere>> assets;
+  std::vector<Body> bodies;
+  std::vector<Sphere> loose;
+  std::vector<std::uint32_t> family, mask, world;  // of the loose spheres; empty: 0 for all
+  std::vector<std::uint8_t> is_static;             // likewise
+  mutable std::vector<Shape> shapes;               // that the input borrows
+
+  Input input() const {
+    shapes.clear();
+    for (const auto& a : assets) shapes.push_back({a.data(), a.size()});
+    Input in = input_of(loose);
+    if (!family.empty()) in.spheres.family = family.data();
+    if (!mask.empty()) in.spheres.mask = mask.data();
+    if (!world.empty()) in.spheres.world = world.data();
+    if (!is_static.empty()) in.spheres.is_static = is_static.data();
+    in.shapes = shapes, in.bodies = bodies;
+    return in;
+  }
+  void scale(double by) {
+    const auto scaled = [&](Sphere& s) { s = {s.x * by, s.y * by, s.z * by, s.r * by}; };
+    for (auto& a : assets) std::for_each(a.begin(), a.end(), scaled);
+    std::for_each(loose.begin(), loose.end(), scaled);
+    for (Body& b : bodies)
+      for (double& p : b.position) p *= by;
+  }
+  void shift(double by) {
+    for (Body& b : bodies) b.position[0] += by, b.position[1] -= by, b.position[2] += 2 * by;
+    for (Sphere& s : loose) s.x += by, s.y -= by, s.z += 2 * by;
+  }
+};
+
+inline void turn(std::mt19937_64& random, Body& body) {
+  std::normal_distribution<double> normal;
+  rotation_of(normal(random), normal(random), normal(random), normal(random), body.rotation);
+}
+inline Body body_at(std::uint32_t shape, double x, double y, double z) {
+  Body b;
+  b.position[0] = x, b.position[1] = y, b.position[2] = z, b.shape = shape;
+  return b;
+}
+inline Body body_at(std::uint32_t shape, double x, double y, double z, std::mt19937_64& random) {
+  Body b = body_at(shape, x, y, z);
+  turn(random, b);
+  return b;
 }
 
 }  // namespace padder::detect

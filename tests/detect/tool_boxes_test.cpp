@@ -59,8 +59,6 @@ TEST_F(DetectBoxes, EveryWayOfReadingAndSharingHasTheHashOfOneBox) {
     EXPECT_EQ(hash(arguments), wanted) << arguments;
 }
 
-// Spheres of a lattice that just touch: a contact whose midpoint lies on a face between boxes is owned by the
-// box that one of the two only touches.
 // Mapped or read, named or given: numbers of any type.
 TEST_F(DetectBoxes, OneAnswerForNumbersOfAnyType) {
   const std::vector<double> doubles = {0, 0, 0, 1, 0, 0, 5, 0, 0};
@@ -82,6 +80,8 @@ TEST_F(DetectBoxes, OneAnswerForNumbersOfAnyType) {
   }
 }
 
+// Spheres of a lattice that just touch: a contact whose midpoint lies on a face between boxes is owned by the
+// box that one of the two only touches.
 TEST_F(DetectBoxes, ContactsOnTheFacesOfBoxesHaveTheSameHash) {
   std::vector<FloatSphere> lattice;
   for (int k = 0; k < 8000; k++)

@@ -113,7 +113,6 @@ TEST_F(DetectTool, CopiesOfACluster) {
 
 TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
   EXPECT_EQ(run("").code, 2);
-  EXPECT_EQ(run("dense.json --precision sloppy").code, 2);
   for (const char* length : {"--bin-size -1", "--bin-size 1e101", "--margin 1e101", "--margin -1"})
     EXPECT_EQ(run(std::string("dense.json --backend omp ") + length).code, 2) << length;
   EXPECT_NE(run("dense.json --devices 65537").err.find("1 to 9999"), std::string::npos);
@@ -137,7 +136,6 @@ TEST_F(DetectTool, ErrorsAreOneSentenceAndACode) {
   const Outcome absent = run("absent.json");
   EXPECT_EQ(absent.code, 1);
   EXPECT_EQ(absent.err, "detect: cannot open absent.json: check the name and that it may be read\n");
-  EXPECT_EQ(run("dense.json -o contacts.txt").code, 2);
   write_file(
       folder_ / "bad.json",
       R"({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0]], "radii": [-1]}]})");

@@ -4,8 +4,7 @@
 
 #include <cstdlib>
 
-#include "detect/detector.h"
-#include "detect/scene/generate.h"
+#include "tests/detect/oracle.h"
 #include "tools/watchdog.h"
 
 namespace padder::detect {
@@ -17,12 +16,9 @@ TEST(WatchCallsDeathTest, ACallThatTakesTooLongEndsTheTest) {
   ::setenv("PADDER_WATCHDOG", "1e-6", 1);
   const auto call = [] {
     const auto spheres = generate("dense", 1000000);
-    Input input;
-    input.spheres = spheres_of(spheres.size(), &spheres[0].x, &spheres[0].r);
-    input.spheres.center_stride = input.spheres.radius_stride = 4;
     CallOptions o;
     o.path = Path::nine_stages, o.threads = 1;
-    Detector({BackendKind::omp}, o).detect(input);
+    Detector({BackendKind::omp}, o).detect(input_of(spheres));
   };
   EXPECT_EXIT(call(), testing::ExitedWithCode(Watchdog::kEnded), "^detect: no answer after .* s, ended\n$");
 }

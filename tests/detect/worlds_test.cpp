@@ -6,58 +6,31 @@
 #include "detect/core/input.h"
 #include "detect/core/nine_stages.h"
 #include "detect/core/world_tree.h"
-#include "tests/detect/device_memory.h"
 #include "tests/detect/oracle.h"
 #include "tests/detect/some_cases.h"
+#include "tests/detect/world_answers.h"
 #include "tests/error_of.h"
 
 namespace padder::detect {
 namespace {
 
-struct World {
-  std::vector<std::vector<Sphere>> shape_spheres;
-  std::vector<Shape> shapes;
-  std::vector<Body> bodies;
-  std::vector<Sphere> loose;
-  std::vector<std::uint32_t> family, mask, world;
-  std::vector<std::uint8_t> is_static;
-  Input input() const {
-    Input in;
-    in.shapes = shapes, in.bodies = bodies;
-    if (!loose.empty()) in.spheres = spheres_of<double>(loose.size(), &loose[0].x, &loose[0].r);
-    in.spheres.center_stride = in.spheres.radius_stride = 4;
-    in.spheres.family = family.data(), in.spheres.mask = mask.data(), in.spheres.world = world.data();
-    in.spheres.is_static = is_static.data();
-    return in;
-  }
-};
-
-std::vector<BackendKind> backends() {
-  std::vector<BackendKind> all{BackendKind::omp};
-  if (cuda_present()) all.push_back(BackendKind::cuda);
-  return all;
-}
-
-void turn(std::mt19937_64& random, Body& body) {
-  std::normal_distribution<double> normal;
-  rotation_of(normal(random), normal(random), normal(random), normal(random), body.rotation);
-}
+class Worlds : public BackendTest {};
+class Margin : public BackendTest {};
 
 // Worlds that stand at the same place: bodies of a few shapes, loose spheres, and some of all worlds.
-World random_worlds(std::uint64_t seed, std::uint32_t worlds, std::uint32_t bodies, std::uint32_t loose) {
+TestBodies random_worlds(std::uint64_t seed, std::uint32_t worlds, std::uint32_t bodies,
+                         std::uint32_t loose) {
   std::mt19937_64 random(seed);
-  std::uniform_real_distribution<double> unit(0, 1);
   const auto below = [&](std::uint32_t n) { return static_cast<std::uint32_t>(random() % n); };
   const auto world = [&]() -> std::uint32_t {
     const std::uint32_t w = below(worlds + 1);
     return w == worlds ? kEveryWorld : w;
   };
-  World w;
-  w.shape_spheres.resize(3);
+  TestBodies w;
+  w.assets.resize(3);
   for (std::size_t k = 0; k < 3; k++)
     for (std::uint32_t q = 0; q < (k == 2 ? 150 : 20 * k + 1); q++)
-      w.shape_spheres[k].push_back({unit(random), unit(random), unit(random), 0.02 + 0.2 * unit(random)});
-  for (const auto& s : w.shape_spheres) w.shapes.push_back({s.data(), s.size()});
+      w.assets[k].push_back({unit(random), unit(random), unit(random), 0.02 + 0.2 * unit(random)});
   const double edge = 4;
   for (std::uint32_t k = 0; k < bodies; k++) {
     Body b;
@@ -75,68 +48,52 @@ World random_worlds(std::uint64_t seed, std::uint32_t worlds, std::uint32_t bodi
   return w;
 }
 
-// What detect_worlds() has to say, from the list.
-void expect_answers(Detector& detector, const Input& in, std::uint32_t worlds) {
-  const std::vector<Seen> all = seen(in);
-  std::vector<std::uint64_t> count(worlds, 0);
-  std::vector<double> distance(worlds, INFINITY);
-  std::vector<Pair> pair(worlds, {~0u, ~0u});
-  for (const Pair& p : oracle(in, detector.options())) {
-    const std::uint32_t w = std::min(all[p.i].world, all[p.j].world);
-    if (w == kEveryWorld) continue;
-    count[w]++;
-    const double d = -geometry(all[p.i].sphere, all[p.j].sphere).depth;
-    if (d < distance[w]) distance[w] = d, pair[w] = p;  // pairs ascend, so the first stays
-  }
-  const WorldAnswers a = detector.detect_worlds(in, worlds, Answer::any);
-  ASSERT_EQ(a.worlds, worlds);
-  EXPECT_TRUE(a.any && !a.count && !a.distance && !a.pair);
-  for (std::uint32_t w = 0; w < worlds; w++) EXPECT_EQ(a.any[w] != 0, count[w] > 0) << "world " << w;
-  const WorldAnswers c = detector.detect_worlds(in, worlds, Answer::count);
-  for (std::uint32_t w = 0; w < worlds; w++) EXPECT_EQ(c.count[w], count[w]) << "world " << w;
-  const WorldAnswers d = detector.detect_worlds(in, worlds, Answer::distance);
-  for (std::uint32_t w = 0; w < worlds; w++) {
-    EXPECT_EQ(d.distance[w], distance[w]) << "world " << w;
-    EXPECT_EQ(d.pair[w], pair[w]) << "world " << w;
+// What detect_worlds() has to say; `host`: the same input in host memory.
+void expect_answers(Detector& detector, const Input& in, std::uint32_t worlds, const Input& host) {
+  const std::vector<Pair> contacts = oracle(host, detector.options());
+  try {
+    for (const Answer asked : {Answer::any, Answer::count, Answer::distance})
+      check_answers(detector.detect_worlds(in, worlds, asked), asked, worlds, seen(host), contacts);
+  } catch (const Wrong& wrong) {
+    ADD_FAILURE() << wrong.what;
   }
 }
+void expect_answers(Detector& detector, const Input& in, std::uint32_t worlds) {
+  expect_answers(detector, in, worlds, in);
+}
 
-TEST(Worlds, ContactsAreThoseOfTheOracleOnEveryPath) {
-  for (const BackendKind backend : backends()) {
-    int without_contacts = 0;
-    SomeCases some;
-    for (std::uint64_t seed = 1; seed <= 30; seed++) {
-      if (some.left_out()) continue;
-      SCOPED_TRACE("seed " + std::to_string(seed));
-      const auto worlds = static_cast<std::uint32_t>(1 + seed % 7);
-      const World w = random_worlds(seed, worlds, static_cast<std::uint32_t>(2 + seed % 5 * 5),
-                                    static_cast<std::uint32_t>(seed % 4 * 60));
-      CallOptions o{.margin = seed % 3 == 0 ? 0 : 0.01 * static_cast<double>(seed)};
-      if (seed % 5 == 0) o.own.low[0] = 1, o.own.high[1] = 3;
-      if (seed % 5 == 1) o.own.low[0] = 1.9, o.own.high[0] = 2, o.margin = 1;  // wider than the region
-      const std::vector<Pair> expected = oracle(w.input(), o);
-      without_contacts += expected.empty();  // as of two bodies, and a box that owns none of their contacts
-      for (const Path path : {Path::grid, Path::nine_stages}) {
-        o.path = path;
-        Detector detector({backend, 0}, o);
-        EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), expected);
-        if (path == Path::grid) expect_answers(detector, w.input(), worlds);
-      }
+TEST_P(Worlds, ContactsAreThoseOfTheOracleOnEveryPath) {
+  int without_contacts = 0;
+  SomeCases some;
+  for (std::uint64_t seed = 1; seed <= 30; seed++) {
+    if (some.left_out()) continue;
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    const auto worlds = static_cast<std::uint32_t>(1 + seed % 7);
+    const TestBodies w = random_worlds(seed, worlds, static_cast<std::uint32_t>(2 + seed % 5 * 5),
+                                       static_cast<std::uint32_t>(seed % 4 * 60));
+    CallOptions o{.margin = seed % 3 == 0 ? 0 : 0.01 * static_cast<double>(seed)};
+    if (seed % 5 == 0) o.own.low[0] = 1, o.own.high[1] = 3;
+    if (seed % 5 == 1) o.own.low[0] = 1.9, o.own.high[0] = 2, o.margin = 1;  // wider than the region
+    const std::vector<Pair> expected = oracle(w.input(), o);
+    without_contacts += expected.empty();  // as of two bodies, and a box that owns none of their contacts
+    for (const Path path : {Path::grid, Path::nine_stages}) {
+      o.path = path;
+      Detector detector(device_, o);
+      EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), expected);
+      if (path == Path::grid) expect_answers(detector, w.input(), worlds);
     }
-    EXPECT_LE(without_contacts, 3);
   }
+  EXPECT_LE(without_contacts, 3);
 }
 
 // One world and kEveryWorld keep nothing apart, so the scene is searched like one without worlds.
-TEST(Worlds, OneWorldWithWhatIsInEveryWorldIsSearchedAsOne) {
-  World w = random_worlds(7, 1, 60, 500);
+TEST_P(Worlds, OneWorldWithWhatIsInEveryWorldIsSearchedAsOne) {
+  TestBodies w = random_worlds(7, 1, 60, 500);
   for (Body& b : w.bodies) b.world = b.world == 0 ? 7 : b.world;
   for (std::uint32_t& world : w.world) world = world == 0 ? 7 : world;
   EXPECT_FALSE(has_worlds(w.input()));
-  for (const BackendKind kind : backends()) {
-    Detector detector({kind, 0});
-    EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), oracle(w.input(), {}));
-  }
+  Detector detector(device_);
+  EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), oracle(w.input(), {}));
   w.world[3] = 8;
   EXPECT_TRUE(has_worlds(w.input()));
   Input loose = w.input();
@@ -146,7 +103,7 @@ TEST(Worlds, OneWorldWithWhatIsInEveryWorldIsSearchedAsOne) {
 
 // Of a few bodies and loose spheres, in one, two or all worlds: what a pass over them tells is what a look at
 // each pair tells.
-TEST(Worlds, TheTallyOfBodies) {
+TEST(BodyTally, IsWhatALookAtEachPairTells) {
   std::mt19937_64 random = random_of_new_seed();
   const auto below = [&](std::uint64_t n) { return static_cast<std::uint32_t>(random() % n); };
   const std::uint32_t worlds[] = {0, 5, kEveryWorld};
@@ -180,311 +137,272 @@ TEST(Worlds, TheTallyOfBodies) {
   }
 }
 
-TEST(Worlds, LooseSpheresInManyWorldsAndInOneAreFound) {
-  for (const BackendKind backend : backends()) {
-    SomeCases some;
-    for (const std::uint32_t worlds : {1u, 3u, 500u})
-      for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
-        if (some.left_out()) continue;
-        TestScene scene = random_scene(3000, 20, 1.5, 7 + worlds).rounded();
-        scene.spheres[17].x = 1e7;  // one that escaped
-        Arranged arranged(scene, scalar);
-        std::vector<std::uint32_t> world;
-        std::mt19937 random(worlds);
-        for (std::size_t k = 0; k < scene.spheres.size(); k++)
-          world.push_back(random() % 50 ? static_cast<std::uint32_t>(random() % worlds) : kEveryWorld);
-        arranged.input.spheres.world = world.data();
-        CallOptions o{.margin = 0.1};
-        Detector detector({backend, 0}, o);
-        EXPECT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
-        expect_answers(detector, arranged.input, worlds);
-      }
-  }
+TEST_P(Worlds, LooseSpheresInManyWorldsAndInOneAreFound) {
+  SomeCases some;
+  for (const std::uint32_t worlds : {1u, 3u, 500u})
+    for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+      if (some.left_out()) continue;
+      TestScene scene = random_scene(3000, 20, 1.5, 7 + worlds).rounded();
+      scene.spheres[17].x = 1e7;  // one that escaped
+      Arranged arranged(scene, scalar);
+      std::vector<std::uint32_t> world;
+      std::mt19937 random(worlds);
+      for (std::size_t k = 0; k < scene.spheres.size(); k++)
+        world.push_back(random() % 50 ? static_cast<std::uint32_t>(random() % worlds) : kEveryWorld);
+      arranged.input.spheres.world = world.data();
+      CallOptions o{.margin = 0.1};
+      Detector detector(device_, o);
+      EXPECT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
+      expect_answers(detector, arranged.input, worlds);
+    }
 }
 
 // Loose spheres alone, at one place or far from the origin, of equal and unequal radii, none, some or all of
 // them of every world; numbers of worlds that have gaps, or that leave most numbers out. One detector sees
 // all of it, and spheres that move.
-TEST(Worlds, LooseSpheresOfWorldsAtOnePlace) {
-  for (const BackendKind backend : backends()) {
-    CallOptions o;
-    Detector detector({backend, 0}, o);
-    SomeCases some;
-    std::mt19937_64 random(9);
-    for (const std::uint32_t worlds : {1u, 2u, 37u, 700u, 1u << 20})
-      for (const double ratio : {1.0, 3.0, 200.0})
-        for (const double far : {0.0, 1e5}) {
-          if (some.left_out()) continue;
-          TestScene scene = random_scene(1400, ratio, 1 + static_cast<double>(random() % 5), random());
-          std::vector<std::uint32_t> world;
-          const std::uint64_t every = std::array{0, 0, 1, 20, 50, 100}[random() % 6];  // of a hundred
-          for (Sphere& s : scene.spheres) {
-            s.x += far, s.y -= 3 * far;
-            world.push_back(static_cast<std::uint32_t>(7 + random() % worlds * (random() % 2 ? 1 : 2)));
-            if (random() % 100 < every) world.back() = kEveryWorld;
-          }
-          for (int call = 0; call < 4; call++) {
-            SCOPED_TRACE(std::to_string(worlds) + " worlds, ratio " + std::to_string(ratio) + " at " +
-                         std::to_string(far) + ", " + std::to_string(every) + " % of every world, call " +
-                         std::to_string(call));
-            for (Sphere& s : scene.spheres) s.z += call * 0.3 * s.r;
-            if (call == 3) scene.spheres[5].z += 40;
-            const Scalar scalar = call == 2 ? Scalar::f64 : Scalar::f32;
-            if (scalar == Scalar::f32) scene = scene.rounded();
-            Arranged arranged(scene, scalar);
-            if (call != 1) arranged.input.spheres.family = arranged.input.spheres.mask = nullptr;
-            arranged.input.spheres.world = world.data();
-            o.margin = call == 3 ? 0.2 : 0, o.order = call % 2 ? Order::any : Order::stable;
-            o.scalar = call == 2 ? Scalar::f64 : Scalar::f32;
-            detector.options() = o;
-            const Contacts& c = detector.detect(arranged.input);
-            ASSERT_EQ(sorted(c.pair_span()), oracle(arranged.input, o));
-            const std::vector<Seen> all = seen(arranged.input);
-            for (std::uint64_t k = 0; k < c.count && call == 2; k++)
-              ASSERT_EQ(c.normal_span<double>()[k].depth,
-                        geometry(all[c.pairs[k].i].sphere, all[c.pairs[k].j].sphere).depth);
-            if (o.order != Order::stable) continue;
-            Detector fresh({backend, 0}, o);
-            const Contacts& f = fresh.detect(arranged.input);
-            EXPECT_TRUE(std::equal(c.pairs, c.pairs + c.count, f.pair_span().begin(), f.pair_span().end()));
-          }
+TEST_P(Worlds, LooseSpheresOfWorldsAtOnePlace) {
+  CallOptions o;
+  Detector detector(device_, o);
+  SomeCases some;
+  std::mt19937_64 random(9);
+  for (const std::uint32_t worlds : {1u, 2u, 37u, 700u, 1u << 20})
+    for (const double ratio : {1.0, 3.0, 200.0})
+      for (const double far : {0.0, 1e5}) {
+        if (some.left_out()) continue;
+        TestScene scene = random_scene(1400, ratio, 1 + static_cast<double>(random() % 5), random());
+        std::vector<std::uint32_t> world;
+        const std::uint64_t every = std::array{0, 0, 1, 20, 50, 100}[random() % 6];  // of a hundred
+        for (Sphere& s : scene.spheres) {
+          s.x += far, s.y -= 3 * far;
+          world.push_back(static_cast<std::uint32_t>(7 + random() % worlds * (random() % 2 ? 1 : 2)));
+          if (random() % 100 < every) world.back() = kEveryWorld;
         }
-  }
+        for (int call = 0; call < 4; call++) {
+          SCOPED_TRACE(std::to_string(worlds) + " worlds, ratio " + std::to_string(ratio) + " at " +
+                       std::to_string(far) + ", " + std::to_string(every) + " % of every world, call " +
+                       std::to_string(call));
+          for (Sphere& s : scene.spheres) s.z += call * 0.3 * s.r;
+          if (call == 3) scene.spheres[5].z += 40;
+          const Scalar scalar = call == 2 ? Scalar::f64 : Scalar::f32;
+          if (scalar == Scalar::f32) scene = scene.rounded();
+          Arranged arranged(scene, scalar);
+          if (call != 1) arranged.input.spheres.family = arranged.input.spheres.mask = nullptr;
+          arranged.input.spheres.world = world.data();
+          o.margin = call == 3 ? 0.2 : 0, o.order = call % 2 ? Order::any : Order::stable;
+          o.scalar = call == 2 ? Scalar::f64 : Scalar::f32;
+          detector.options() = o;
+          const Contacts& c = detector.detect(arranged.input);
+          ASSERT_EQ(sorted(c.pair_span()), oracle(arranged.input, o));
+          const std::vector<Seen> all = seen(arranged.input);
+          for (std::uint64_t k = 0; k < c.count && call == 2; k++)
+            ASSERT_EQ(c.normal_span<double>()[k].depth,
+                      geometry(all[c.pairs[k].i].sphere, all[c.pairs[k].j].sphere).depth);
+          if (o.order != Order::stable) continue;
+          Detector fresh(device_, o);
+          const Contacts& f = fresh.detect(arranged.input);
+          EXPECT_TRUE(std::equal(c.pairs, c.pairs + c.count, f.pair_span().begin(), f.pair_span().end()));
+        }
+      }
 }
 
 // Long rods come near much and touch little. The tree gives up, and spheres are searched side by side.
-TEST(Worlds, RodsAmongSpheresGiveTheSameHoweverTheyAreSearched) {
-  for (const BackendKind backend : backends())
-    for (const std::uint32_t worlds : {1u, 2u, 50u}) {
-      SCOPED_TRACE(std::to_string(worlds) + " worlds");
-      std::mt19937_64 random(worlds);
-      std::uniform_real_distribution<double> unit(0, 1);
-      const auto world = [&] {
-        return random() % 20 ? static_cast<std::uint32_t>(random() % worlds) : kEveryWorld;
-      };
-      World w;
-      w.shape_spheres.resize(1);
-      for (int k = -50; k < 50; k++) w.shape_spheres[0].push_back({static_cast<double>(k), 0, 0, 0.45});
-      w.shapes.push_back({w.shape_spheres[0].data(), w.shape_spheres[0].size()});
-      w.bodies.resize(60);
-      for (Body& b : w.bodies) {
-        turn(random, b), b.world = world();
-        for (double& c : b.position) c = 40 * unit(random);
-      }
-      for (int k = 0; k < 40; k++) {
-        w.loose.push_back({40 * unit(random), 40 * unit(random), 40 * unit(random), 2 * unit(random)});
-        w.family.push_back(0), w.mask.push_back(0), w.is_static.push_back(k % 3 == 0),
-            w.world.push_back(world());
-      }
-      for (const double margin : {0.0, 0.3}) {
-        Detector detector({backend, 0}, {.margin = margin});
-        const std::vector<Pair> expected = oracle(w.input(), detector.options());
-        for (const Bodies bodies : {Bodies::automatic, Bodies::first, Bodies::expanded})
-          for (const Order order : {Order::stable, Order::any}) {
-            detector.options().bodies = bodies, detector.options().order = order;
-            EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), expected);
-          }
-        detector.options().precision = Precision::float32;  // of lists; answers are exact
-        expect_answers(detector, w.input(), worlds);
-      }
+TEST_P(Worlds, RodsAmongSpheresGiveTheSameHoweverTheyAreSearched) {
+  for (const std::uint32_t worlds : {1u, 2u, 50u}) {
+    SCOPED_TRACE(std::to_string(worlds) + " worlds");
+    std::mt19937_64 random(worlds);
+    const auto world = [&] {
+      return random() % 20 ? static_cast<std::uint32_t>(random() % worlds) : kEveryWorld;
+    };
+    TestBodies w;
+    w.assets.resize(1);
+    for (int k = -50; k < 50; k++) w.assets[0].push_back({static_cast<double>(k), 0, 0, 0.45});
+    w.bodies.resize(60);
+    for (Body& b : w.bodies) {
+      turn(random, b), b.world = world();
+      for (double& c : b.position) c = 40 * unit(random);
     }
-}
-
-TEST(Worlds, AMarginAloneNeedsNoWorld) {
-  for (const BackendKind backend : backends())
-    for (const double margin : {0.0, 1e-9, 0.25, 3.0}) {
-      const TestScene scene = random_scene(1500, 8, 3, 5);
-      for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
-        Arranged arranged(scene, scalar);
-        CallOptions o{.margin = margin};
-        Detector detector({backend, 0}, o);
-        EXPECT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
-      }
+    for (int k = 0; k < 40; k++) {
+      w.loose.push_back({40 * unit(random), 40 * unit(random), 40 * unit(random), 2 * unit(random)});
+      w.is_static.push_back(k % 3 == 0), w.world.push_back(world());
     }
+    for (const double margin : {0.0, 0.3}) {
+      Detector detector(device_, {.margin = margin});
+      const std::vector<Pair> expected = oracle(w.input(), detector.options());
+      for (const Bodies bodies : {Bodies::automatic, Bodies::first, Bodies::expanded})
+        for (const Order order : {Order::stable, Order::any}) {
+          detector.options().bodies = bodies, detector.options().order = order;
+          EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), expected);
+        }
+      detector.options().precision = Precision::float32;  // of lists; answers are exact
+      expect_answers(detector, w.input(), worlds);
+    }
+  }
 }
 
 // Radii that are all one or differ, near the origin and so far that doubles are rounded to floats, or become
 // fixed point; and a lattice whose gaps are the margin, as far as doubles can say.
-TEST(Worlds, AMarginOfEqualAndUnequalSpheresNearAndFar) {
-  for (const BackendKind backend : backends()) {
-    std::uint32_t seed = 100;
-    for (const double ratio : {1.0, 4.0, 100.0})
-      for (const double far : {0.0, 3e3, 5e4, 1e9})
-        for (const bool lattice : {false, true}) {
-          if (lattice && ratio != 1) continue;
-          TestScene scene = random_scene(400, ratio, 2, seed++);
-          for (std::size_t k = 0; k < scene.spheres.size(); k++) {
-            Sphere& s = scene.spheres[k];
-            if (lattice) {
-              const std::size_t x = k % 8, y = k / 8 % 8, z = k / 64;
-              s = {2.25 * static_cast<double>(x), 2.25 * static_cast<double>(y),
-                   2.25 * static_cast<double>(z), 1};
-            }
-            s.x += far, s.y -= far, s.z += far / 3;
+TEST_P(Worlds, AMarginOfEqualAndUnequalSpheresNearAndFar) {
+  std::uint32_t seed = 100;
+  for (const double ratio : {1.0, 4.0, 100.0})
+    for (const double far : {0.0, 3e3, 5e4, 1e9})
+      for (const bool lattice : {false, true}) {
+        if (lattice && ratio != 1) continue;
+        TestScene scene = random_scene(400, ratio, 2, seed++);
+        for (std::size_t k = 0; k < scene.spheres.size(); k++) {
+          Sphere& s = scene.spheres[k];
+          if (lattice) {
+            const std::size_t x = k % 8, y = k / 8 % 8, z = k / 64;
+            s = {2.25 * static_cast<double>(x), 2.25 * static_cast<double>(y), 2.25 * static_cast<double>(z),
+                 1};
           }
-          for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
-            const Arranged arranged(scene, scalar);
-            CallOptions o;
-            Detector detector({backend, 0}, o);
-            for (const double margin : {0.25, 0.25, 1e-9, 0.25 * (1 - 0x1p-50), 9.0}) {
-              SCOPED_TRACE("ratio " + std::to_string(ratio) + " at " + std::to_string(far) + " margin " +
-                           std::to_string(margin) + (lattice ? " lattice" : "") +
-                           (scalar == Scalar::f64 ? " double" : ""));
-              o.margin = margin, detector.options() = o;
-              ASSERT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
-              o.order = o.order == Order::any ? Order::stable : Order::any;
-            }
+          s.x += far, s.y -= far, s.z += far / 3;
+        }
+        for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+          const Arranged arranged(scene, scalar);
+          CallOptions o;
+          Detector detector(device_, o);
+          for (const double margin : {0.25, 0.25, 1e-9, 0.0, 0.25 * (1 - 0x1p-50), 3.0, 9.0}) {
+            SCOPED_TRACE("ratio " + std::to_string(ratio) + " at " + std::to_string(far) + " margin " +
+                         std::to_string(margin) + (lattice ? " lattice" : "") +
+                         (scalar == Scalar::f64 ? " double" : ""));
+            o.margin = margin, detector.options() = o;
+            ASSERT_EQ(sorted(detector.detect(arranged.input).pair_span()), oracle(arranged.input, o));
+            o.order = o.order == Order::any ? Order::stable : Order::any;
           }
         }
-  }
+      }
 }
 
 // What a call keeps of loose spheres does not outlive them: they move, become more or fewer, get families, or
 // some stand still.
-TEST(Worlds, LooseSpheresWithAMarginFromCallToCall) {
-  for (const BackendKind backend : backends()) {
-    std::mt19937_64 random(8);
-    CallOptions o;
-    Detector detector({backend, 0}, o);
-    for (std::uint32_t step = 0; step < 24; step++) {
-      SCOPED_TRACE("step " + std::to_string(step));
-      World w = random_worlds(50 + step / 8, 1, 0, step % 8 < 5 ? 500 : 50 * step);
-      for (Sphere& s : w.loose) s.x += 0.1 * step;
-      w.world.clear();
-      Input in = w.input();
-      in.spheres.world = nullptr;
-      if (step % 4 != 3) in.spheres.is_static = nullptr;
-      if (step % 3 == 0) in.spheres.family = nullptr, in.spheres.mask = nullptr;
-      detector.options().margin = step % 5 == 4 ? 0 : 0.02 * (step / 3);
-      detector.options().order = step % 2 ? Order::any : Order::stable;
-      EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(in, detector.options()));
-    }
+TEST_P(Worlds, LooseSpheresWithAMarginFromCallToCall) {
+  std::mt19937_64 random(8);
+  CallOptions o;
+  Detector detector(device_, o);
+  for (std::uint32_t step = 0; step < 24; step++) {
+    SCOPED_TRACE("step " + std::to_string(step));
+    TestBodies w = random_worlds(50 + step / 8, 1, 0, step % 8 < 5 ? 500 : 50 * step);
+    for (Sphere& s : w.loose) s.x += 0.1 * step;
+    w.world.clear();
+    Input in = w.input();
+    if (step % 4 != 3) in.spheres.is_static = nullptr;
+    if (step % 3 == 0) in.spheres.family = nullptr, in.spheres.mask = nullptr;
+    detector.options().margin = step % 5 == 4 ? 0 : 0.02 * (step / 3);
+    detector.options().order = step % 2 ? Order::any : Order::stable;
+    EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(in, detector.options()));
   }
 }
 
 // Bodies of one world: searched first, expanded, in a revision in which the margin changes, and moved.
-TEST(Worlds, AMarginHoldsHoweverBodiesAreSearched) {
-  for (const BackendKind backend : backends())
-    for (const Bodies bodies : {Bodies::first, Bodies::expanded, Bodies::automatic})
-      for (const double scale : {1.0, 1e-150, 1e60}) {
-        World w = random_worlds(17, 1, 16, 60);
-        w.world.clear();
-        for (Body& b : w.bodies) b.world = 0;
-        for (auto& spheres : w.shape_spheres)
-          for (Sphere& s : spheres) s = {s.x * scale, s.y * scale, s.z * scale, s.r * scale};
-        for (Sphere& s : w.loose) s = {s.x * scale, s.y * scale, s.z * scale, s.r * scale};
-        for (Body& b : w.bodies)
-          for (double& c : b.position) c *= scale;
-        std::mt19937_64 random(3);
-        Detector detector({backend, 0}, {.width = Width::pairs, .bodies = bodies});
-        std::uint32_t step = 0;
-        for (const double margin : {0.0, 0.2, 0.2, 1e-9, 0.0, 6.0, 0.2, 0.2}) {
-          SCOPED_TRACE("step " + std::to_string(step) + ", scale " + std::to_string(scale));
-          CallOptions& now = detector.options();
-          now.margin = margin * scale, now.order = step % 2 ? Order::any : Order::stable, now.own = {};
-          if (step % 3 == 1) now.own.low[0] = scale, now.own.high[1] = 3 * scale;
-          const std::vector<std::uint32_t> moved{step, step + 7};
-          for (const std::uint32_t b : moved)
-            if (!w.bodies[b].is_static) turn(random, w.bodies[b]), w.bodies[b].position[1] += 0.1 * scale;
-          Input in = w.input();
-          in.spheres.world = nullptr, in.revision = step < 5 ? 1 : 0, in.moved = moved;
-          EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(in, now));
-          step++;
-        }
-      }
-}
-
-TEST(Worlds, IdsMayBeAny32BitNumbersAndAnArrayOrOneForAll) {
-  const double centers[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, radius = 1;
-  const std::uint32_t world[] = {4000000000u, 5, 4000000000u, kEveryWorld};
-  for (const BackendKind backend : backends())
-    for (const Path path : {Path::grid, Path::nine_stages}) {
-      Detector detector({backend, 0}, {.path = path});
-      Input in;
-      in.spheres = spheres_of<double>(4, centers, &radius);
-      in.spheres.radius_stride = 0, in.spheres.world = world;
-      EXPECT_EQ(sorted(detector.detect(in).pair_span()), (std::vector<Pair>{{0, 2}, {0, 3}, {1, 3}, {2, 3}}));
-      in.spheres.world = nullptr;
-      for (const std::uint32_t all : {0u, 9u, kEveryWorld}) {
-        in.spheres.world_of_all = all;
-        EXPECT_EQ(detector.detect(in).count, 6u);
+TEST_P(Worlds, AMarginHoldsHoweverBodiesAreSearched) {
+  for (const Bodies bodies : {Bodies::first, Bodies::expanded, Bodies::automatic})
+    for (const double scale : {1.0, 1e-150, 1e60}) {
+      TestBodies w = random_worlds(17, 1, 16, 60);
+      w.world.clear();
+      for (Body& b : w.bodies) b.world = 0;
+      w.scale(scale);
+      std::mt19937_64 random(3);
+      Detector detector(device_, {.width = Width::pairs, .bodies = bodies});
+      std::uint32_t step = 0;
+      for (const double margin : {0.0, 0.2, 0.2, 1e-9, 0.0, 6.0, 0.2, 0.2}) {
+        SCOPED_TRACE("step " + std::to_string(step) + ", scale " + std::to_string(scale));
+        CallOptions& now = detector.options();
+        now.margin = margin * scale, now.order = step % 2 ? Order::any : Order::stable, now.own = {};
+        if (step % 3 == 1) now.own.low[0] = scale, now.own.high[1] = 3 * scale;
+        const std::vector<std::uint32_t> moved{step, step + 7};
+        for (const std::uint32_t b : moved)
+          if (!w.bodies[b].is_static) turn(random, w.bodies[b]), w.bodies[b].position[1] += 0.1 * scale;
+        Input in = w.input();
+        in.revision = step < 5 ? 1 : 0, in.moved = moved;
+        EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(in, now));
+        step++;
       }
     }
 }
 
-TEST(Worlds, TheListIsTheSameForAnyNumberOfThreadsAndAgain) {
-  const World w = random_worlds(3, 6, 40, 300);
-  for (const BackendKind backend : backends()) {
-    std::vector<Pair> first;
-    std::vector<float> depth;
-    for (const int threads : {1, 2, 5, 1}) {
-      Detector detector({backend, 0}, {.threads = threads, .margin = 0.1});
-      for (int again = 0; again < 2; again++) {
-        const Contacts& c = detector.detect(w.input());
-        std::vector<float> d;
-        for (const auto& n : c.normal_span<float>()) d.push_back(n.depth);
-        if (first.empty()) first.assign(c.pair_span().begin(), c.pair_span().end()), depth = d;
-        EXPECT_TRUE(std::equal(first.begin(), first.end(), c.pair_span().begin(), c.pair_span().end()));
-        EXPECT_EQ(d, depth);
-      }
+TEST_P(Worlds, IdsMayBeAny32BitNumbersAndAnArrayOrOneForAll) {
+  const double centers[] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, radius = 1;
+  const std::uint32_t world[] = {4000000000u, 5, 4000000000u, kEveryWorld};
+  for (const Path path : {Path::grid, Path::nine_stages}) {
+    Detector detector(device_, {.path = path});
+    Input in;
+    in.spheres = spheres_of<double>(4, centers, &radius);
+    in.spheres.radius_stride = 0, in.spheres.world = world;
+    EXPECT_EQ(sorted(detector.detect(in).pair_span()), (std::vector<Pair>{{0, 2}, {0, 3}, {1, 3}, {2, 3}}));
+    in.spheres.world = nullptr;
+    for (const std::uint32_t all : {0u, 9u, kEveryWorld}) {
+      in.spheres.world_of_all = all;
+      EXPECT_EQ(detector.detect(in).count, 6u);
     }
   }
 }
 
-TEST(Worlds, ARevisionMovesBodiesAndWorldsStayApart) {
-  for (const BackendKind backend : backends()) {
-    World w = random_worlds(11, 5, 30, 100);
-    CallOptions o{.margin = 0.05};
-    Detector detector({backend, 0}, o);
-    Input in = w.input();
-    in.revision = 1;
-    EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o));
-    std::mt19937_64 random(5);
-    for (int step = 0; step < 5; step++) {
-      std::vector<std::uint32_t> moved;
-      for (std::uint32_t k = 0; k < 30; k += 1 + static_cast<std::uint32_t>(random() % 4)) {
-        if (w.bodies[k].is_static) continue;
-        moved.push_back(k), turn(random, w.bodies[k]);
-        w.bodies[k].position[0] += 0.3;
-      }
-      in = w.input(), in.revision = 1, in.moved = moved;
-      EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o)) << step;
-      expect_answers(detector, w.input(), 5);
+TEST_P(Worlds, TheListIsTheSameForAnyNumberOfThreadsAndAgain) {
+  const TestBodies w = random_worlds(3, 6, 40, 300);
+  std::vector<Pair> first;
+  std::vector<float> depth;
+  for (const int threads : {1, 2, 5, 1}) {
+    Detector detector(device_, {.threads = threads, .margin = 0.1});
+    for (int again = 0; again < 2; again++) {
+      const Contacts& c = detector.detect(w.input());
+      std::vector<float> d;
+      for (const auto& n : c.normal_span<float>()) d.push_back(n.depth);
+      if (first.empty()) first.assign(c.pair_span().begin(), c.pair_span().end()), depth = d;
+      EXPECT_TRUE(std::equal(first.begin(), first.end(), c.pair_span().begin(), c.pair_span().end()));
+      EXPECT_EQ(d, depth);
     }
+  }
+}
+
+TEST_P(Worlds, ARevisionMovesBodiesAndWorldsStayApart) {
+  TestBodies w = random_worlds(11, 5, 30, 100);
+  CallOptions o{.margin = 0.05};
+  Detector detector(device_, o);
+  Input in = w.input();
+  in.revision = 1;
+  EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o));
+  std::mt19937_64 random(5);
+  for (int step = 0; step < 5; step++) {
+    std::vector<std::uint32_t> moved;
+    for (std::uint32_t k = 0; k < 30; k += 1 + static_cast<std::uint32_t>(random() % 4)) {
+      if (w.bodies[k].is_static) continue;
+      moved.push_back(k), turn(random, w.bodies[k]);
+      w.bodies[k].position[0] += 0.3;
+    }
+    in = w.input(), in.revision = 1, in.moved = moved;
+    EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o)) << step;
+    expect_answers(detector, w.input(), 5);
   }
 }
 
 // Each path keeps what it knows of a revision. A body that moved in a call of another path must not be
 // missed.
-TEST(Worlds, CallsWithAndWithoutAMarginTakeTurnsInOneRevision) {
-  for (const BackendKind backend : backends()) {
-    World w = random_worlds(31, 1, 30, 0);
-    for (Body& b : w.bodies) b.world = 0, b.is_static = false;
-    Detector detector({backend, 0}, CallOptions{});
-    for (std::uint32_t step = 0; step < 12; step++) {
-      const std::vector<std::uint32_t> moved{step, step + 5};
-      for (const std::uint32_t k : moved) w.bodies[k].position[1] += 0.4;
-      Input in = w.input();
-      in.revision = 1, in.moved = moved;
-      detector.options().margin = step % 3 == 1 ? 0.1 : 0;
-      detector.options().bodies = step % 2 ? Bodies::first : Bodies::expanded;
-      EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), detector.options())) << step;
-    }
+TEST_P(Worlds, CallsWithAndWithoutAMarginTakeTurnsInOneRevision) {
+  TestBodies w = random_worlds(31, 1, 30, 0);
+  for (Body& b : w.bodies) b.world = 0, b.is_static = false;
+  Detector detector(device_, CallOptions{});
+  for (std::uint32_t step = 0; step < 12; step++) {
+    const std::vector<std::uint32_t> moved{step, step + 5};
+    for (const std::uint32_t k : moved) w.bodies[k].position[1] += 0.4;
+    Input in = w.input();
+    in.revision = 1, in.moved = moved;
+    detector.options().margin = step % 3 == 1 ? 0.1 : 0;
+    detector.options().bodies = step % 2 ? Bodies::first : Bodies::expanded;
+    EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), detector.options())) << step;
   }
 }
 
-TEST(Worlds, PosesSpheresAndAnswersMayLieOnTheDevice) {
-  if (!cuda_present()) GTEST_SKIP() << "there is no GPU";
+using WorldsOnAGpu = GpuTest;
+TEST_F(WorldsOnAGpu, PosesSpheresAndAnswersMayLieOnTheDevice) {
   for (const std::uint64_t revision : {0, 4}) {
-    World w = random_worlds(41, 9, 40, 200);
+    TestBodies w = random_worlds(41, 9, 40, 200);
     CallOptions o;
     o.margin = 0.05, o.output = Memory::device;
-    Detector detector({BackendKind::cuda, 0}, o);
-    const Input host = w.input();
+    Detector detector({BackendKind::cuda}, o);
     const std::size_t n = w.loose.size();
     const DeviceCopy spheres(w.loose.data(), n * sizeof(Sphere)), family(w.family.data(), 4 * n),
         mask(w.mask.data(), 4 * n), world(w.world.data(), 4 * n), is_static(w.is_static.data(), n);
-    Input in = host;
+    Input in = w.input();
     in.spheres.centers = spheres.data(), in.spheres.radii = static_cast<const double*>(spheres.data()) + 3;
     in.spheres.family = static_cast<const std::uint32_t*>(family.data());
     in.spheres.mask = static_cast<const std::uint32_t*>(mask.data());
@@ -500,244 +418,209 @@ TEST(Worlds, PosesSpheresAndAnswersMayLieOnTheDevice) {
       }
       const DeviceCopy there(poses.data(), poses.size() * sizeof(Pose));
       in.poses = static_cast<const Pose*>(there.data());
-      const std::vector<Pair> expected = oracle(w.input(), o);
       const Contacts& c = detector.detect(in);
       std::vector<Pair> pairs(c.count);
       copy_from_device(pairs.data(), c.pairs, c.count * sizeof(Pair));
-      EXPECT_EQ(sorted(pairs), expected);
-      const WorldAnswers a = detector.detect_worlds(in, 9, Answer::count);
-      EXPECT_EQ(a.memory, Memory::device);
-      std::vector<std::uint64_t> count(9), of_list(9, 0);
-      copy_from_device(count.data(), a.count, 9 * sizeof(std::uint64_t));
-      const std::vector<Seen> all = seen(w.input());
-      for (const Pair& p : expected) {
-        const std::uint32_t of = std::min(all[p.i].world, all[p.j].world);
-        if (of != kEveryWorld) of_list[of]++;
-      }
-      EXPECT_EQ(count, of_list);
+      EXPECT_EQ(sorted(pairs), oracle(w.input(), o));
+      EXPECT_EQ(detector.detect_worlds(in, 9, Answer::count).memory, Memory::device);
+      expect_answers(detector, in, 9, w.input());
     }
   }
 }
 
-TEST(Margin, APairWhoseGapEqualsItIsInTheListAndOneUlpMoreIsNot) {
-  for (const BackendKind backend : backends())
-    for (const Path path : {Path::grid, Path::nine_stages})
-      for (const double unit : {1.0, 0x1p-600, 0x1p200}) {
-        CallOptions o;
-        o.path = path, o.margin = 0.3 * unit, o.width = Width::points, o.scalar = Scalar::f64;
-        Detector detector({backend, 0}, o);
-        const double at = (0.1 * unit + 0.2 * unit) + 0.3 * unit;
-        for (const bool beyond : {false, true}) {
-          const Sphere s[2] = {{0, 0, 0, 0.1 * unit},
-                               {beyond ? std::nextafter(at, INFINITY) : at, 0, 0, 0.2 * unit}};
-          Input in;
-          in.spheres = spheres_of<double>(2, &s[0].x, &s[0].r);
-          in.spheres.center_stride = in.spheres.radius_stride = 4;
-          const Contacts& c = detector.detect(in);
-          // The square of the next number may round to the same: the decision is that of the oracle.
-          EXPECT_EQ(c.count, oracle_touching({0, 0, 0, 0.1}, {s[1].x / unit, 0, 0, 0.2}, 0.3) ? 1u : 0u);
-          if (!c.count) continue;
-          const Normal<double> n = c.normal_span<double>()[0];
-          EXPECT_EQ(n.x, 1);
-          EXPECT_NEAR(n.depth / unit, -0.3, 1e-15);
-          const Points<double> p = c.point_span<double>()[0];
-          EXPECT_NEAR(p.on_i[0] / unit, 0.1, 1e-15);
-          EXPECT_NEAR(p.on_j[0] / unit, 0.4, 1e-15);
-        }
+TEST_P(Margin, APairWhoseGapEqualsItIsInTheListAndOneUlpMoreIsNot) {
+  for (const Path path : {Path::grid, Path::nine_stages})
+    for (const double unit : {1.0, 0x1p-600, 0x1p200}) {
+      CallOptions o;
+      o.path = path, o.margin = 0.3 * unit, o.width = Width::points, o.scalar = Scalar::f64;
+      Detector detector(device_, o);
+      const double at = (0.1 * unit + 0.2 * unit) + 0.3 * unit;
+      for (const bool beyond : {false, true}) {
+        const Sphere s[2] = {{0, 0, 0, 0.1 * unit},
+                             {beyond ? std::nextafter(at, INFINITY) : at, 0, 0, 0.2 * unit}};
+        const Contacts& c = detector.detect(input_of(s));
+        // The square of the next number may round to the same: the decision is that of the oracle.
+        EXPECT_EQ(c.count, oracle_touching({0, 0, 0, 0.1}, {s[1].x / unit, 0, 0, 0.2}, 0.3) ? 1u : 0u);
+        if (!c.count) continue;
+        const Normal<double> n = c.normal_span<double>()[0];
+        EXPECT_EQ(n.x, 1);
+        EXPECT_NEAR(n.depth / unit, -0.3, 1e-15);
+        const Points<double> p = c.point_span<double>()[0];
+        EXPECT_NEAR(p.on_i[0] / unit, 0.1, 1e-15);
+        EXPECT_NEAR(p.on_j[0] / unit, 0.4, 1e-15);
       }
+    }
 }
 
 // The depth of a pair is r_i + r_j - |c_j - c_i|. Its gradient is the normal for c_i, and minus the normal
 // for c_j; the points are where the gap, or the overlap, is measured.
-TEST(Margin, TwoPointsInOnePlaceHaveDepthZero) {
+TEST_P(Margin, TwoPointsInOnePlaceHaveDepthZero) {
   const Sphere points[] = {{1, 2, 3, 0}, {1, 2, 3, 0}};
-  for (const BackendKind backend : backends())
-    for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
-      Detector detector({backend, 0}, {.scalar = scalar, .margin = 0.5});
-      Input in;
-      in.spheres = spheres_of<double>(2, &points[0].x, &points[0].r);
-      in.spheres.center_stride = in.spheres.radius_stride = 4;
-      const Contacts& c = detector.detect(in);
-      ASSERT_EQ(c.count, 1u);
-      EXPECT_EQ(scalar == Scalar::f32 ? c.normal_span<float>()[0].depth : c.normal_span<double>()[0].depth,
-                0);
-    }
-}
-
-TEST(Margin, NormalsAreTheGradientOfTheDepthAndPointsSpanIt) {
-  for (const BackendKind backend : backends()) {
-    const World w = random_worlds(21, 3, 12, 80);
-    CallOptions o;
-    o.margin = 0.4, o.width = Width::points, o.scalar = Scalar::f64;
-    Detector detector({backend, 0}, o);
-    const Contacts& c = detector.detect(w.input());
-    const std::vector<Seen> all = seen(w.input());
-    std::size_t apart = 0;
-    for (std::uint64_t k = 0; k < c.count; k++) {
-      const Sphere i = all[c.pairs[k].i].sphere, j = all[c.pairs[k].j].sphere;
-      const Normal<double> n = c.normal_span<double>()[k];
-      const Points<double> p = c.point_span<double>()[k];
-      const auto depth = [](const Sphere& a, const Sphere& b) {
-        const long double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
-        return a.r + b.r - std::sqrt(x * x + y * y + z * z);
-      };
-      EXPECT_NEAR(n.depth, static_cast<double>(depth(i, j)), 1e-14);
-      EXPECT_GE(n.depth, -o.margin - 1e-14);
-      apart += n.depth < 0;
-      const double h = 1e-6, normal[3] = {n.x, n.y, n.z};
-      for (int a = 0; a < 3; a++) {
-        Sphere up = j, down = j;
-        (a == 0 ? up.x : a == 1 ? up.y : up.z) += h, (a == 0 ? down.x : a == 1 ? down.y : down.z) -= h;
-        const double slope = static_cast<double>((depth(i, up) - depth(i, down)) / (2 * h));
-        EXPECT_NEAR(slope, -normal[a], 1e-5);
-        // From the point on i to that on j it is -depth along the normal.
-        EXPECT_NEAR(p.on_j[a] - p.on_i[a], -n.depth * normal[a], 1e-14);
-      }
-    }
-    EXPECT_GT(apart, 10u);
+  for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
+    Detector detector(device_, {.scalar = scalar, .margin = 0.5});
+    const Contacts& c = detector.detect(input_of(points));
+    ASSERT_EQ(c.count, 1u);
+    EXPECT_EQ(scalar == Scalar::f32 ? c.normal_span<float>()[0].depth : c.normal_span<double>()[0].depth, 0);
   }
 }
 
-TEST(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
-  for (const BackendKind backend : backends()) {
-    const World w = random_worlds(2, 3, 5, 5);
-    Detector detector({backend, 0}, CallOptions{});
-    for (const double margin : {-1.0, static_cast<double>(NAN), static_cast<double>(INFINITY)}) {
-      detector.options().margin = margin;
-      EXPECT_TRUE(refuses([&] { detector.detect(w.input()); }, "margin"));
-    }
-    detector.options().margin = 0.1;
-    World bad = w;
-    for (const std::uint32_t world : {8u, kEveryWorld - 1}) {
-      bad.bodies[1].world = world;
-      for (const Answer answer : {Answer::any, Answer::count, Answer::distance})
-        EXPECT_EQ(error_of([&] { detector.detect_worlds(bad.input(), 8, answer); }),
-                  "body 1 is in world " + std::to_string(world) +
-                      ", but answers are asked for worlds 0 to 7: ask for more worlds");
-    }
-    bad = w, bad.shapes.push_back({nullptr, 0});  // a body has a world even without spheres
-    bad.bodies[1].shape = 3, bad.bodies[1].world = 8;
-    const auto refuses_world = [&](Answer answer) {
-      return refuses([&] { detector.detect_worlds(bad.input(), 8, answer); }, "body 1 is in world 8");
+TEST_P(Margin, NormalsAreTheGradientOfTheDepthAndPointsSpanIt) {
+  const TestBodies w = random_worlds(21, 3, 12, 80);
+  CallOptions o;
+  o.margin = 0.4, o.width = Width::points, o.scalar = Scalar::f64;
+  Detector detector(device_, o);
+  const Contacts& c = detector.detect(w.input());
+  const std::vector<Seen> all = seen(w.input());
+  std::size_t apart = 0;
+  for (std::uint64_t k = 0; k < c.count; k++) {
+    const Sphere i = all[c.pairs[k].i].sphere, j = all[c.pairs[k].j].sphere;
+    const Normal<double> n = c.normal_span<double>()[k];
+    const Points<double> p = c.point_span<double>()[k];
+    const auto depth = [](const Sphere& a, const Sphere& b) {
+      const long double x = b.x - a.x, y = b.y - a.y, z = b.z - a.z;
+      return a.r + b.r - std::sqrt(x * x + y * y + z * z);
     };
-    EXPECT_TRUE(refuses_world(Answer::any) && refuses_world(Answer::count));
-    for (Body& b : bad.bodies) b.shape = 3;
-    bad.loose.clear();  // there are no spheres
-    EXPECT_TRUE(refuses_world(Answer::any) && refuses_world(Answer::count));
-    bad = w, bad.loose[3].r = -1;
-    EXPECT_TRUE(refuses([&] { detector.detect(bad.input()); }, "negative radius"));
-    bad = w, bad.bodies[2].position[1] = NAN;
-    EXPECT_TRUE(refuses([&] { detector.detect(bad.input()); }, "of body 2) at"));
-    EXPECT_EQ(detector.hash(), 0u);
-    EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), oracle(w.input(), detector.options()));
+    EXPECT_NEAR(n.depth, static_cast<double>(depth(i, j)), 1e-14);
+    EXPECT_GE(n.depth, -o.margin - 1e-14);
+    apart += n.depth < 0;
+    const double h = 1e-6, normal[3] = {n.x, n.y, n.z};
+    for (int a = 0; a < 3; a++) {
+      Sphere up = j, down = j;
+      (a == 0 ? up.x : a == 1 ? up.y : up.z) += h, (a == 0 ? down.x : a == 1 ? down.y : down.z) -= h;
+      const double slope = static_cast<double>((depth(i, up) - depth(i, down)) / (2 * h));
+      EXPECT_NEAR(slope, -normal[a], 1e-5);
+      // From the point on i to that on j it is -depth along the normal.
+      EXPECT_NEAR(p.on_j[a] - p.on_i[a], -n.depth * normal[a], 1e-14);
+    }
   }
+  EXPECT_GT(apart, 10u);
+}
+
+TEST_P(Worlds, WhatMakesNoSenseIsRefusedInASentence) {
+  const TestBodies w = random_worlds(2, 3, 5, 5);
+  Detector detector(device_, CallOptions{});
+  for (const double margin : {-1.0, static_cast<double>(NAN), static_cast<double>(INFINITY)}) {
+    detector.options().margin = margin;
+    EXPECT_TRUE(refuses([&] { detector.detect(w.input()); }, "margin"));
+  }
+  detector.options().margin = 0.1;
+  TestBodies bad = w;
+  for (const std::uint32_t world : {8u, kEveryWorld - 1}) {
+    bad.bodies[1].world = world;
+    for (const Answer answer : {Answer::any, Answer::count, Answer::distance})
+      EXPECT_EQ(error_of([&] { detector.detect_worlds(bad.input(), 8, answer); }),
+                "body 1 is in world " + std::to_string(world) +
+                    ", but answers are asked for worlds 0 to 7: ask for more worlds");
+  }
+  bad = w, bad.assets.emplace_back();  // a body has a world even without spheres
+  bad.bodies[1].shape = 3, bad.bodies[1].world = 8;
+  const auto refuses_world = [&](Answer answer) {
+    return refuses([&] { detector.detect_worlds(bad.input(), 8, answer); }, "body 1 is in world 8");
+  };
+  EXPECT_TRUE(refuses_world(Answer::any) && refuses_world(Answer::count));
+  for (Body& b : bad.bodies) b.shape = 3;
+  bad.loose.clear();  // there are no spheres
+  EXPECT_TRUE(refuses_world(Answer::any) && refuses_world(Answer::count));
+  bad = w, bad.loose[3].r = -1;
+  EXPECT_TRUE(refuses([&] { detector.detect(bad.input()); }, "negative radius"));
+  bad = w, bad.bodies[2].position[1] = NAN;
+  EXPECT_TRUE(refuses([&] { detector.detect(bad.input()); }, "of body 2) at"));
+  EXPECT_EQ(detector.hash(), 0u);
+  EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), oracle(w.input(), detector.options()));
 }
 
 // Loose spheres may come with an array of worlds or without one in the same revision, and of another world.
-TEST(Worlds, ARevisionMayChangeTheWorldsOfItsLooseSpheres) {
-  for (const BackendKind backend : backends())
-    for (const bool bodies_in_worlds : {true, false})
-      for (const Bodies bodies : {Bodies::automatic, Bodies::first, Bodies::expanded}) {
-        World w = random_worlds(6, 4, 12, 40);
-        if (!bodies_in_worlds)
-          for (Body& b : w.bodies) b.world = 2;
-        Detector detector({backend, 0}, {.bodies = bodies});
-        const std::vector<std::uint32_t> array(w.loose.size(), 2);
-        enum Loose { own_worlds, array_of_2, all_in_2, all_in_0 };
-        for (const Loose loose : {own_worlds, all_in_2, all_in_2, own_worlds, all_in_0, array_of_2, all_in_0,
-                                  all_in_2, own_worlds}) {
-          Input in = w.input();
-          if (loose != own_worlds) in.spheres.world = loose == array_of_2 ? array.data() : nullptr;
-          if (loose == all_in_2) in.spheres.world_of_all = 2;
-          const std::vector<Pair> expected = oracle(in, detector.options());
-          in.revision = 8;
-          EXPECT_EQ(sorted(detector.detect(in).pair_span()), expected) << loose;
-        }
+TEST_P(Worlds, ARevisionMayChangeTheWorldsOfItsLooseSpheres) {
+  for (const bool bodies_in_worlds : {true, false})
+    for (const Bodies bodies : {Bodies::automatic, Bodies::first, Bodies::expanded}) {
+      TestBodies w = random_worlds(6, 4, 12, 40);
+      if (!bodies_in_worlds)
+        for (Body& b : w.bodies) b.world = 2;
+      Detector detector(device_, {.bodies = bodies});
+      const std::vector<std::uint32_t> array(w.loose.size(), 2);
+      enum Loose { own_worlds, array_of_2, all_in_2, all_in_0 };
+      for (const Loose loose : {own_worlds, all_in_2, all_in_2, own_worlds, all_in_0, array_of_2, all_in_0,
+                                all_in_2, own_worlds}) {
+        Input in = w.input();
+        if (loose != own_worlds) in.spheres.world = loose == array_of_2 ? array.data() : nullptr;
+        if (loose == all_in_2) in.spheres.world_of_all = 2;
+        const std::vector<Pair> expected = oracle(in, detector.options());
+        in.revision = 8;
+        EXPECT_EQ(sorted(detector.detect(in).pair_span()), expected) << loose;
       }
+    }
 }
 
 // stages() reads everything and keeps nothing, so a revision that comes again is read anew.
-TEST(Worlds, ARevisionBeforeStagesIsForgotten) {
-  for (const BackendKind backend : backends()) {
-    World w = random_worlds(5, 3, 6, 0);
-    Detector detector({backend, 0});
-    Input in = w.input();
-    in.revision = 3;
-    detector.detect(in);
-    detector.stages(in);
-    w.bodies[2].shape = 99;
-    in.bodies = w.bodies;
-    EXPECT_TRUE(refuses([&] { detector.detect(in); }, "names shape 99"));
-  }
+TEST_P(Worlds, ARevisionBeforeStagesIsForgotten) {
+  TestBodies w = random_worlds(5, 3, 6, 0);
+  Detector detector(device_);
+  Input in = w.input();
+  in.revision = 3;
+  detector.detect(in);
+  detector.stages(in);
+  w.bodies[2].shape = 99;
+  in.bodies = w.bodies;
+  EXPECT_TRUE(refuses([&] { detector.detect(in); }, "names shape 99"));
 }
 
 // Whichever sphere it is, and also where no body makes the search go by the tree.
-TEST(Worlds, AFaultyLooseSphereIsNamed) {
-  for (const BackendKind backend : backends()) {
-    Detector detector({backend, 0});
-    for (const int component : {0, 2, 3})
-      for (const double fault : {double(NAN), -double(NAN), double(INFINITY), -double(INFINITY), -1.0})
-        for (const std::size_t at : {0, 57, 299}) {
-          if (fault == -1 && component != 3) continue;
-          World w = random_worlds(4, 5, 0, 300);
-          for (std::uint32_t& world : w.world) world = std::min(world, 5u);
-          (&w.loose[at].x)[component] = fault;
-          EXPECT_TRUE(refuses([&] { detector.detect(w.input()); }, "sphere " + std::to_string(at) + " "))
-              << component << ", " << fault;
-        }
-  }
+TEST_P(Worlds, AFaultyLooseSphereIsNamed) {
+  Detector detector(device_);
+  for (const int component : {0, 2, 3})
+    for (const double fault : {double(NAN), -double(NAN), double(INFINITY), -double(INFINITY), -1.0})
+      for (const std::size_t at : {0, 57, 299}) {
+        if (fault == -1 && component != 3) continue;
+        TestBodies w = random_worlds(4, 5, 0, 300);
+        for (std::uint32_t& world : w.world) world = std::min(world, 5u);
+        (&w.loose[at].x)[component] = fault;
+        EXPECT_TRUE(refuses([&] { detector.detect(w.input()); }, "sphere " + std::to_string(at) + " "))
+            << component << ", " << fault;
+      }
 }
 
-TEST(Worlds, AnswersCountAsMemory) {
-  for (const BackendKind backend : backends()) {
-    const World w = random_worlds(2, 3, 5, 5);
-    Detector detector({backend, 0}, CallOptions{});
-    constexpr std::uint32_t worlds = 1u << 20;
-    detector.detect_worlds(w.input(), 4, Answer::distance);
-    const std::uint64_t held = detector.memory();
-    detector.options().memory_limit = held + worlds;
-    for (const Answer answer : {Answer::count, Answer::distance})
-      EXPECT_TRUE(refuses([&] { detector.detect_worlds(w.input(), worlds, answer); }, "memory are needed"));
-    detector.options().memory_limit = 0;
-    const WorldAnswers a = detector.detect_worlds(w.input(), worlds, Answer::distance);
-    EXPECT_EQ(a.distance[worlds - 1], INFINITY);
-    EXPECT_GE(detector.memory(), 16 * static_cast<std::uint64_t>(worlds));
-  }
+TEST_P(Worlds, AnswersCountAsMemory) {
+  const TestBodies w = random_worlds(2, 3, 5, 5);
+  Detector detector(device_, CallOptions{});
+  constexpr std::uint32_t worlds = 1u << 20;
+  detector.detect_worlds(w.input(), 4, Answer::distance);
+  const std::uint64_t held = detector.memory();
+  detector.options().memory_limit = held + worlds;
+  for (const Answer answer : {Answer::count, Answer::distance})
+    EXPECT_TRUE(refuses([&] { detector.detect_worlds(w.input(), worlds, answer); }, "memory are needed"));
+  detector.options().memory_limit = 0;
+  const WorldAnswers a = detector.detect_worlds(w.input(), worlds, Answer::distance);
+  EXPECT_EQ(a.distance[worlds - 1], INFINITY);
+  EXPECT_GE(detector.memory(), 16 * static_cast<std::uint64_t>(worlds));
 }
 
 // Those of loose spheres come from a list, if there is memory for it.
-TEST(Worlds, AnswersNeedNoMemoryForAList) {
-  World w;
+TEST_P(Worlds, AnswersNeedNoMemoryForAList) {
+  TestBodies w;
   for (int k = 0; k < 2000; k++)  // two million contacts
-    w.loose.push_back({0.001 * k, 0, 0, 3}), w.family.push_back(0), w.mask.push_back(0),
-        w.is_static.push_back(0), w.world.push_back(k % 2);
-  for (const BackendKind backend : backends()) {
-    Detector detector({backend, 0}, {.margin = 0.5});
-    detector.options().memory_limit = 4 << 20;
-    const WorldAnswers count = detector.detect_worlds(w.input(), 2, Answer::count);
-    EXPECT_EQ(count.count[0], 1000u * 999 / 2);
-    EXPECT_EQ(count.count[1], 1000u * 999 / 2);
-    const WorldAnswers nearest = detector.detect_worlds(w.input(), 2, Answer::distance);
-    EXPECT_NEAR(nearest.distance[1], 0.002 - 6, 1e-12);
-  }
+    w.loose.push_back({0.001 * k, 0, 0, 3}), w.world.push_back(k % 2);
+  Detector detector(device_, {.margin = 0.5});
+  detector.options().memory_limit = 4 << 20;
+  const WorldAnswers count = detector.detect_worlds(w.input(), 2, Answer::count);
+  EXPECT_EQ(count.count[0], 1000u * 999 / 2);
+  EXPECT_EQ(count.count[1], 1000u * 999 / 2);
+  const WorldAnswers nearest = detector.detect_worlds(w.input(), 2, Answer::distance);
+  EXPECT_NEAR(nearest.distance[1], 0.002 - 6, 1e-12);
 }
 
-TEST(Worlds, EmptyScenesHaveEmptyAnswers) {
-  for (const BackendKind backend : backends()) {
-    Detector detector({backend, 0}, {.margin = 1});
-    EXPECT_EQ(detector.detect({}).count, 0u);
-    EXPECT_EQ(detector.detect_worlds({}, 0, Answer::any).worlds, 0u);
-    const WorldAnswers a = detector.detect_worlds({}, 3, Answer::distance);
-    for (int w = 0; w < 3; w++) {
-      EXPECT_EQ(a.distance[w], INFINITY);
-      EXPECT_EQ(a.pair[w], (Pair{~0u, ~0u}));
-    }
+TEST_P(Worlds, EmptyScenesHaveEmptyAnswers) {
+  Detector detector(device_, {.margin = 1});
+  EXPECT_EQ(detector.detect({}).count, 0u);
+  EXPECT_EQ(detector.detect_worlds({}, 0, Answer::any).worlds, 0u);
+  const WorldAnswers a = detector.detect_worlds({}, 3, Answer::distance);
+  for (int w = 0; w < 3; w++) {
+    EXPECT_EQ(a.distance[w], INFINITY);
+    EXPECT_EQ(a.pair[w], (Pair{~0u, ~0u}));
   }
 }
 
 TEST(WorldTree, AWalkVisitsEverythingThatABoxMeetsOnceAndInOrder) {
   std::mt19937_64 random(9);
-  std::uniform_real_distribution<double> unit(0, 1);
   for (const std::uint32_t n : {0u, 1u, 7u, 8u, 9u, 64u, 65u, 700u, 4097u}) {
     std::vector<Sphere> balls;
     for (std::uint32_t k = 0; k < n; k++)
@@ -767,6 +650,9 @@ TEST(WorldTree, AWalkVisitsEverythingThatABoxMeetsOnceAndInOrder) {
     }
   }
 }
+
+ON_EVERY_BACKEND(Worlds);
+ON_EVERY_BACKEND(Margin);
 
 }  // namespace
 }  // namespace padder::detect

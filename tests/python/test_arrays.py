@@ -23,13 +23,17 @@ class Sub(np.ndarray):
     pass
 
 
-class OnlyDlpack:
+class Capsule:
+    """Of DLPack's protocol the array alone, and not where it lies."""
+
     def __init__(self, a):
         self.a = a
 
     def __dlpack__(self, **_):
         return self.a.__dlpack__()
 
+
+class OnlyDlpack(Capsule):
     def __dlpack_device__(self):
         return self.a.__dlpack_device__()
 
@@ -86,7 +90,7 @@ LAYOUTS = {
     "F": np.asfortranarray, "reversed": lambda a: a[::-1].copy()[::-1], "mirrored": lambda a: a[..., ::-1].copy()[..., ::-1],
     "columns": columns, "gaps": gaps, "odd columns": lambda a: misaligned(columns(a)), "misaligned": misaligned, "read only": read_only,
     "subclass": lambda a: a.view(Sub), "list": lambda a: a.tolist(), "tuple": lambda a: tuple(map(tuple, a.tolist()) if a.ndim > 1 else a.tolist()),
-    "not masked": lambda a: np.ma.array(a), "memoryview": memoryview, "dlpack": OnlyDlpack,
+    "not masked": lambda a: np.ma.array(a), "memoryview": memoryview, "dlpack": OnlyDlpack, "capsule": Capsule,
     "rows": lambda a: Rows(list(a)), "array": OnlyArray, "masked rows": lambda a: list(np.ma.array(a)),
     "dlpack columns": lambda a: OnlyDlpack(columns(a)), "big-endian gaps": lambda a: gaps(a.astype(a.dtype.newbyteorder(">"))),
 }

@@ -71,14 +71,6 @@ def test_arrays_are_views_that_keep_the_cluster():
     assert (a == before).all()
 
 
-@pytest.mark.parametrize("vertices", [np.float32, np.float64, "F", "list"])
-@pytest.mark.parametrize("faces", [np.int32, np.uint32, np.int64, np.uint64, np.uint8])
-def test_any_layout_gives_the_same(vertices, faces):
-    v = np.asfortranarray(CUBE) if vertices == "F" else CUBE.tolist() if vertices == "list" else CUBE.astype(vertices)
-    one = padder.pad(v, FACES.astype(faces), edge_length="20%")
-    assert (one.centers == padder.pad(CUBE, FACES, edge_length="20%").centers).all()
-
-
 def test_tolerance_is_kept_and_takes_fewer():
     share, length = padder.pad(CUBE, FACES, tolerance="3%"), padder.pad(CUBE, FACES, tolerance=0.03 * 3**0.5)
     assert share.accuracy["certified"] and share.accuracy["protrusion_max"] <= 0.0301 * 3**0.5
@@ -251,17 +243,6 @@ def test_detect_is_brute_force(dtype):
     assert contacts.hash == padder.detect(c, r, family, mask, backend="omp").hash
 
 
-def test_detect_takes_strides_and_one_radius():
-    c, r, _, _ = scene()
-    rows = np.zeros((len(c), 4))
-    rows[:, :3], rows[:, 3] = c, r
-    assert pairs(padder.detect(rows[:, :3], rows[:, 3], backend="omp")) == brute(c, r)
-    assert pairs(padder.detect(c[::-1], r[::-1], backend="omp")) == brute(c[::-1], r[::-1])
-    assert pairs(padder.detect(np.asfortranarray(c), 0.7, backend="omp")) == brute(c, np.full(len(c), 0.7))
-    assert len(padder.detect(c[:0], r[:0], backend="omp")) == 0
-    assert len(padder.detect(c[:1], r[:1], backend="omp").pairs) == 0
-
-
 def test_rows_that_overlap_are_copied():
     line = np.arange(12.0)
     windows = np.lib.stride_tricks.sliding_window_view(line, 3)
@@ -273,18 +254,6 @@ def test_contacts_outlive_what_made_them():
     p = padder.detect(c, r, backend="omp").pairs
     del c, r
     assert sorted(map(tuple, p.tolist())) == brute(*scene()[:2])
-
-
-def test_dlpack_objects_are_read():
-    class Only:  # an array of another library: nothing but the protocol
-        def __init__(self, a):
-            self.a = a
-
-        def __dlpack__(self, **_):
-            return self.a.__dlpack__()
-
-    c, r, _, _ = scene()
-    assert pairs(padder.detect(Only(c), Only(r), backend="omp")) == brute(c, r)
 
 
 def test_bad_spheres():

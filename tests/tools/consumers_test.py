@@ -6,6 +6,7 @@ has them.
 The part is a box of known mass off the origin. The spheres of its .npz are what the program must have found. Leaves with 77,
 and a sentence, where the program is not there.
 """
+import json
 import os
 import shutil
 import subprocess
@@ -134,10 +135,17 @@ def liggghts_reads(spheres):
     if not shutil.which("liggghts"):
         skip("LIGGGHTS is not there (Debian: liggghts)")
     pad("--format", "liggghts", "-o", "box.txt")
+    pad("-o", "box.spheres.json")
     with open("in.box", "w") as script:
         script.write(LIGGGHTS.format(count=len(spheres)))
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
-    print(run(["liggghts", "-in", "in.box"], env=environment).splitlines()[0])
+    output = run(["liggghts", "-in", "in.box"], env=environment)
+    print(output.splitlines()[0])
+    # It measures the union itself, by a million random points.
+    mass = float(output.split("inserted 1 particle templates (mass ")[1].split(")")[0])
+    with open("box.spheres.json") as part:
+        volume = json.load(part)["volume_union"]
+    expect("liggghts: volume", mass / 2500, volume, 0.005 * volume)
     with open("spheres.dump") as dump:
         found = np.array([line.split() for line in dump.read().split("radius \n")[-1].splitlines()], dtype=float)
     expect("liggghts: radii", np.sort(found[:, 3]), np.sort(spheres[:, 3]), 1e-5)

@@ -87,6 +87,18 @@ class ManifestTest(unittest.TestCase):
         self.put(manifest, "".join(f"{k}.obj\n" for k in range(number)))
         return "--manifest", manifest, "-o", "out", *QUICK
 
+    def put_arm(self):
+        shutil.copytree(pathlib.Path(__file__).resolve().parent.parent / "data/robot", self.folder / "robot")
+        return "robot/arm_description/arm.urdf"
+
+    def made_once(self, *lines):
+        """The words for a list of these lines, each of which was made, and then found up to date."""
+        self.put("list.txt", "\n".join(lines) + "\n")
+        words = "--manifest", "list.txt", "-o", "out", "--tolerance", "10%"
+        self.assertEqual(self.counts(*words), (len(lines), 0, 0))
+        self.assertEqual(self.counts(*words), (0, len(lines), 0))
+        return words
+
     def test_lines_have_options_and_the_tree_is_kept(self):
         self.put("in/a.obj"), self.put("in/sub/b c ü.obj"), self.put("in/bad.obj", "v 0 0 0\nf 1 2 3\n")
         self.put("in/list.txt", "\ufeff# a comment\r\n\na.obj\nsub/b c ü.obj\nbad.obj\n\"sub/b c ü.obj\" --unit mm --scale 2 -o fine/b.vtp\n")
@@ -129,9 +141,7 @@ class ManifestTest(unittest.TestCase):
             self.assertEqual(self.run_json(*words, "--shard", shard)["made"], 0)
 
     def test_no_result_takes_the_place_of_an_input_or_of_another_result(self):
-        data = pathlib.Path(__file__).resolve().parent.parent / "data"
-        shutil.copytree(data / "robot", self.folder / "robot")
-        arm = "robot/arm_description/arm.urdf"
+        arm = self.put_arm()
         for name in ("x.obj", "y/x.obj", "parts/a.obj", "parts/s/b.obj"):
             self.put(name)
         self.put("parts/list.csv", "a.obj -o list.csv\n"), self.put("parts/over", "a.obj -o s/b.obj\ns/b.obj\n")
@@ -158,22 +168,13 @@ class ManifestTest(unittest.TestCase):
                 self.assertEqual({name: (self.folder / name).read_bytes() for name in files(self.folder)}, before)
 
     def test_further_inputs_count(self):
-        data = pathlib.Path(__file__).resolve().parent.parent / "data"
-        shutil.copytree(data / "robot", self.folder / "robot")
-        self.put("list.txt", "robot/arm_description/arm.urdf\n")
-        words = "--manifest", "list.txt", "-o", "out", "--tolerance", "10%"
-        self.assertEqual(self.counts(*words), (1, 0, 0))
-        self.assertEqual(self.counts(*words), (0, 1, 0))
+        words = self.made_once(self.put_arm())
         mesh = self.folder / "robot/arm_description/meshes/fore.stl"
         mesh.write_bytes(b"changed" + mesh.read_bytes()[7:])  # in its header
         self.assertEqual(self.counts(*words), (1, 0, 0))
 
     def test_a_robot_without_its_srdf_is_made_again(self):
-        data = pathlib.Path(__file__).resolve().parent.parent / "data"
-        shutil.copytree(data / "robot", self.folder / "robot")
-        self.put("list.txt", "robot/arm_description/arm.urdf\n")
-        words = "--manifest", "list.txt", "-o", "out", "--tolerance", "10%"
-        self.assertEqual(self.counts(*words), (1, 0, 0))
+        words = self.made_once(self.put_arm())
         srdf, = (self.folder / "out").rglob("*.srdf")
         text = srdf.read_bytes()
         srdf.unlink()
@@ -186,10 +187,7 @@ class ManifestTest(unittest.TestCase):
     def test_included_files_of_an_mjcf_count(self):
         self.put("part.xml", "<mujoco><body name='b'><geom type='box' size='.1 .1 .1'/></body></mujoco>")
         self.put("whole.xml", "<mujoco><worldbody><include file='part.xml'/></worldbody></mujoco>")
-        self.put("list.txt", "whole.xml -o out.xml\n")
-        words = "--manifest", "list.txt", "-o", "out", "--tolerance", "10%"
-        self.assertEqual(self.counts(*words), (1, 0, 0))
-        self.assertEqual(self.counts(*words), (0, 1, 0))
+        words = self.made_once("whole.xml -o out.xml")
         self.put("part.xml", "<mujoco><body name='b'><geom type='box' size='.1 .1 .2'/></body></mujoco>")
         self.assertEqual(self.counts(*words), (1, 0, 0))
 
@@ -199,16 +197,13 @@ class ManifestTest(unittest.TestCase):
         views = [{"buffer": 0, "byteOffset": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 24}]
         of = [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 1]},
               {"bufferView": 1, "componentType": 5123, "count": 12, "type": "SCALAR"}]
-        self.put("list.txt", "escaped.gltf\nplain.gltf\n")
         for name, file in ("escaped", "a b.bin"), ("plain", "a%20c.bin"):  # some exporters forget to escape
             uri = file.replace(" ", "%20")
             self.put(f"{name}.gltf", json.dumps({
                 "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}], "bufferViews": views, "accessors": of,
                 "buffers": [{"uri": uri, "byteLength": 72}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}]}))
             (self.folder / file).write_bytes(bytes_)
-        words = "--manifest", "list.txt", "-o", "out", "--tolerance", "10%"
-        self.assertEqual(self.counts(*words), (2, 0, 0))
-        self.assertEqual(self.counts(*words), (0, 2, 0))
+        words = self.made_once("escaped.gltf", "plain.gltf")
         for file in "a b.bin", "a%20c.bin":
             (self.folder / file).write_bytes(struct.pack("<f", 0.01) + bytes_[4:])
             self.assertEqual(self.counts(*words), (1, 1, 0))

@@ -58,11 +58,20 @@ struct Arguments {
   CallOptions options;
 };
 
+// What was found, whichever way it was searched.
+struct Found {
+  std::uint64_t spheres, bodies, contacts, hash, doubtful;
+  const char* backend;
+};
+// How every report begins: what was found, and how exactly.
+Json report_of(const Arguments& arguments, const Found& found);
+
+// The first lines on stdout. `place`: what else stands in brackets, as ", 4 ranks".
+void print_found(const Arguments& arguments, const Found& found, const std::string& place, double seconds);
+void print_doubtful(const Arguments& arguments, const Found& found);
+
 // For -v: a line for each stage, on stderr.
 void print_seconds(const Json& seconds);
-
-// "3000 spheres, 1 body: 8000 contacts"
-std::string counts_text(std::uint64_t spheres, std::uint64_t bodies, std::uint64_t contacts);
 
 // The hash as it is printed: 16 hexadecimal digits.
 std::string hex(std::uint64_t hash);

@@ -9,6 +9,7 @@
 #include "padding/asset/error.h"
 #include "tools/detect/arguments.h"
 #include "tools/json_output.h"
+#include "tools/usage.h"
 
 namespace padder::tool {
 namespace {
@@ -61,17 +62,8 @@ void check_box_arguments(const Arguments& a) {
                      ": a sorted file needs the whole list in memory: with --memory, write a .npy");
 }
 
-Json report_of(const Arguments& a, const Scene& scene, const BoxOptions& options, const BoxReport& r,
-               const char* backend) {
-  return {{"spheres", r.spheres},
-          {"bodies", scene.bodies.size()},
-          {"contacts", r.contacts},
-          {"hash", hex(r.hash)},
-          {"backend", backend},
-          {"path", a.path.word},
-          {"precision", a.precision.word},
-          {"doubtful", r.doubtful},
-          {"devices", options.devices.size()},
+Json box_report(const BoxOptions& options, const BoxReport& r) {
+  return {{"devices", options.devices.size()},
           {"boxes", r.boxes},
           {"memory_boxes", r.memory_boxes},
           {"splits", r.splits},
@@ -108,23 +100,23 @@ int run_boxes(const Arguments& a) {
     boxed.detect(input, {});
   }
   const BoxReport& r = boxed.report();
-  const Json report = report_of(a, scene, options, r, boxed.backend());
+  const Found found{r.spheres, scene.bodies.size(), r.contacts, r.hash, r.doubtful, boxed.backend()};
+  Json report = report_of(a, found);
+  report.update(box_report(options, r));
   if (a.verbose) print_seconds(report["seconds"]);
   if (a.json) {
     padder::cli::print_json(report);
     return 0;
   }
   if (!a.quiet) {
-    std::printf("%s (%s, %s, %u box%s on %zu device%s) in %.4f s\n",
-                counts_text(r.spheres, scene.bodies.size(), r.contacts).c_str(), boxed.backend(),
-                a.precision.word.c_str(), r.boxes, r.boxes > 1 ? "es" : "", options.devices.size(),
-                options.devices.size() > 1 ? "s" : "", report["seconds"]["total"].get<double>());
+    using padder::cli::counted;
+    const std::string place =
+        ", " + counted(r.boxes, "box", "boxes") + " on " + counted(options.devices.size(), "device");
+    print_found(a, found, place, report["seconds"]["total"].get<double>());
     if (r.memory_boxes)
       std::printf("%u of the boxes were made because memory is limited, and %u split\n", r.memory_boxes,
                   r.splits);
-    if (a.precision.value() == Precision::float32)
-      std::printf("float only: off from double arithmetic by at most %llu pairs\n",
-                  (unsigned long long)r.doubtful);
+    print_doubtful(a, found);
     if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
   }
   if (a.hash) std::printf("%s\n", hex(r.hash).c_str());

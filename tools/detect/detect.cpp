@@ -214,32 +214,22 @@ int find_contacts(Arguments& a) {
   if (scene.loose.scalar == Scalar::f64 || !scene.bodies.empty()) a.options.scalar = Scalar::f64;
   Detector detector({a.backend.value()}, a.options);
   const Contacts& c = detector.detect(input);
-  const std::string hash = hex(detector.hash());
+  const Found found{c.spheres, scene.bodies.size(), c.count, detector.hash(), c.doubtful, detector.backend()};
   if (!a.output.empty()) write_contacts(c, input, a.output, a.options.threads);
   Json seconds = Json::object();
   for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
   seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
   if (a.verbose) print_seconds(seconds);
-  Json report = {{"spheres", c.spheres},
-                 {"bodies", scene.bodies.size()},
-                 {"contacts", c.count},
-                 {"hash", hash},
-                 {"backend", detector.backend()},
-                 {"path", a.path.word},
-                 {"precision", a.precision.word},
-                 {"doubtful", c.doubtful},
-                 {"seconds", seconds}};
+  Json report = report_of(a, found);
+  report["seconds"] = seconds;
   if (!is_whole) report["lod"] = lod_json(scene, choice);
   if (!a.json && !a.quiet) {
-    std::printf("%s (%s, %s) in %.4f s\n", counts_text(c.spheres, scene.bodies.size(), c.count).c_str(),
-                detector.backend(), a.precision.word.c_str(), c.seconds.total);
-    if (a.options.precision == Precision::float32)
-      std::printf("float only: off from double arithmetic by at most %llu pairs\n",
-                  (unsigned long long)c.doubtful);
+    print_found(a, found, "", c.seconds.total);
+    print_doubtful(a, found);
     if (!is_whole) print_lod(choice);
     if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
   }
-  if (a.hash && !a.json) std::printf("%s\n", hash.c_str());
+  if (a.hash && !a.json) std::printf("%s\n", hex(found.hash).c_str());
   if (a.stages) {
     const Arrays arrays = detector.stages(input);
     if (a.json)
@@ -297,10 +287,23 @@ void print_seconds(const Json& seconds) {
     std::fprintf(stderr, "detect: %-7s %.6f s\n", stage.c_str(), time.get<double>());
 }
 
-std::string counts_text(std::uint64_t spheres, std::uint64_t bodies, std::uint64_t contacts) {
+Json report_of(const Arguments& a, const Found& f) {
+  return {{"spheres", f.spheres},          {"bodies", f.bodies},    {"contacts", f.contacts},
+          {"hash", hex(f.hash)},           {"backend", f.backend},  {"path", a.path.word},
+          {"precision", a.precision.word}, {"doubtful", f.doubtful}};
+}
+
+void print_found(const Arguments& a, const Found& f, const std::string& place, double seconds) {
   using padder::cli::counted;
-  return counted(spheres, "sphere") + ", " + counted(bodies, "body", "bodies") + ": " +
-         counted(contacts, "contact");
+  std::printf("%s, %s: %s (%s, %s%s) in %.4f s\n", counted(f.spheres, "sphere").c_str(),
+              counted(f.bodies, "body", "bodies").c_str(), counted(f.contacts, "contact").c_str(), f.backend,
+              a.precision.word.c_str(), place.c_str(), seconds);
+}
+
+void print_doubtful(const Arguments& a, const Found& f) {
+  if (a.precision.value() == Precision::float32)
+    std::printf("float only: off from double arithmetic by at most %llu pairs\n",
+                (unsigned long long)f.doubtful);
 }
 
 std::string hex(std::uint64_t v) {

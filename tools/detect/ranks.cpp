@@ -94,30 +94,21 @@ Times longest(const RankReport& r) {
 void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, const char* backend) {
   const double total = t.cut + t.exchange + t.detect;
   const Json seconds = {{"cut", t.cut}, {"exchange", t.exchange}, {"detect", t.detect}, {"total", total}};
-  const Json report = {{"spheres", r.spheres},
-                       {"bodies", r.bodies},
-                       {"contacts", r.contacts},
-                       {"hash", hex(r.hash)},
-                       {"backend", backend},
-                       {"path", a.path.word},
-                       {"precision", a.precision.word},
-                       {"doubtful", r.doubtful},
-                       {"ranks", ranks},
-                       {"splits", r.splits},
-                       {"copies", r.copies},
-                       {"imbalance", r.imbalance},
-                       {"seconds", seconds}};
+  const Found found{r.spheres, r.bodies, r.contacts, r.hash, r.doubtful, backend};
+  Json report = report_of(a, found);
+  report.update({{"ranks", ranks},
+                 {"splits", r.splits},
+                 {"copies", r.copies},
+                 {"imbalance", r.imbalance},
+                 {"seconds", seconds}});
   if (a.verbose) print_seconds(seconds);
   if (a.json) {
     padder::cli::print_json(report);
     return;
   }
   if (!a.quiet) {
-    std::printf("%s (%s, %s, %d ranks) in %.4f s\n", counts_text(r.spheres, r.bodies, r.contacts).c_str(),
-                backend, a.precision.word.c_str(), ranks, total);
-    if (a.precision.value() == Precision::float32)
-      std::printf("float only: off from double arithmetic by at most %llu pairs\n",
-                  (unsigned long long)r.doubtful);
+    print_found(a, found, ", " + std::to_string(ranks) + " ranks", total);
+    print_doubtful(a, found);
     if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
   }
   if (a.hash) std::printf("%s\n", hex(r.hash).c_str());

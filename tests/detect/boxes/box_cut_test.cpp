@@ -7,15 +7,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <random>
 #include <set>
+
+#include "tests/detect/random.h"
 
 namespace padder::detect {
 namespace {
 
 std::vector<WeightedPoint> cloud(std::size_t n, std::uint64_t seed) {
   std::mt19937_64 random(seed);
-  std::uniform_real_distribution<double> unit(0, 1);
   std::vector<WeightedPoint> points;
   for (std::size_t k = 0; k < n; k++)
     points.push_back({{3 * unit(random), unit(random), unit(random)}, 1 + unit(random)});

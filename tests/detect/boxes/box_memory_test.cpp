@@ -80,7 +80,6 @@ TEST(BoxMemory, ABoxThatItsDetectorCannotHoldIsSplit) {
 
 TEST(BoxMemory, BodiesAreSplitToo) {
   std::mt19937_64 random(9);
-  std::uniform_real_distribution<double> unit(0, 1);
   std::vector<Sphere> spheres;
   for (int k = 0; k < 100; k++) spheres.push_back({unit(random), unit(random), unit(random), 0.05});
   const Shape shape{spheres.data(), spheres.size()};

@@ -5,7 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <random>
+
+#include "tests/detect/random.h"
 
 namespace padder::detect {
 namespace {
@@ -54,18 +55,17 @@ TEST(Halo, OneHugeSphereHardlyWidensTheHaloOfASmallOne) {
 
 TEST(Halo, ABodysBoundsHoldTheHalosOfItsSpheres) {
   std::mt19937_64 random(77);
-  std::uniform_real_distribution<double> unit(-1, 1);
   for (int trial = 0; trial < 300; trial++) {
     std::vector<Sphere> spheres(1 + trial % 40);
-    const double size = std::exp2(20 * unit(random));
+    const double size = std::exp2(20 * signed_unit(random));
     for (Sphere& s : spheres)
-      s = {size * unit(random), 0.1 * size * unit(random), size * (5 + unit(random)),
-           size * std::abs(unit(random))};
+      s = {size * signed_unit(random), 0.1 * size * signed_unit(random), size * (5 + signed_unit(random)),
+           size * std::abs(signed_unit(random))};
     const Shape shape{spheres.data(), spheres.size()};
     const ShapeExtent extent = extent_of(shape);
     Body body;
-    for (double& m : body.rotation) m = unit(random) * (trial % 2 ? 1 : 3);  // any matrix
-    for (double& p : body.position) p = 1e3 * unit(random);
+    for (double& m : body.rotation) m = signed_unit(random) * (trial % 2 ? 1 : 3);  // any matrix
+    for (double& p : body.position) p = 1e3 * signed_unit(random);
     const Bounds all = halo_of(body, extent, extent.largest_radius);
     for (const Sphere& s : spheres) {
       const Sphere there = placed(body, s);

@@ -10,37 +10,19 @@
 #include <numeric>
 #include <random>
 
+#include "tests/detect/core/summary_of.h"
 #include "tests/detect/oracle.h"
 
 namespace padder::detect {
 namespace {
 
-Summary summary_of(const std::vector<Sphere>& spheres) {
-  Summary s;
-  s.count = spheres.size(), s.octaves_known = true;
-  for (const Sphere& p : spheres) s.need_max = std::max(s.need_max, need_of(p));
-  for (const Sphere& p : spheres) {
-    Summary::Octave& o = s.octave[octave_of(exponent_of(s.need_max), need_of(p))];
-    const double c[3] = {p.x, p.y, p.z};
-    o.count++, o.need_max = std::max(o.need_max, need_of(p)), o.radius_max = std::max(o.radius_max, p.r);
-    s.radius_max = std::max(s.radius_max, p.r), s.radius_min = std::min(s.radius_min, p.r),
-    s.radius_sum += p.r;
-    for (int k = 0; k < 3; k++) {
-      o.low[k] = std::min(o.low[k], c[k]), o.high[k] = std::max(o.high[k], c[k]);
-      s.low[k] = std::min(s.low[k], c[k]), s.high[k] = std::max(s.high[k], c[k]);
-    }
-  }
-  return s;
-}
-
 TEST(Grid, SplitIsExactAtEveryMagnitude) {
   std::mt19937_64 random(5);
-  std::uniform_real_distribution<double> unit(-1, 1);
   for (const double size : {2.00390625, 0.5009765625 * 0x1p-30, 1023 * 0x1p40}) {
     Level l;
     l.size = size, l.per_size = 1 / size;
     for (int k = 0; k < 100000; k++) {
-      const double x = size * unit(random) * std::pow(2.0, 42 * std::abs(unit(random)));
+      const double x = size * signed_unit(random) * std::pow(2.0, 42 * std::abs(signed_unit(random)));
       const Split s = split(l, x);
       const long double corner = static_cast<long double>(s.bin) * size;
       ASSERT_GE(s.rest, 0);
@@ -60,7 +42,6 @@ TEST(Grid, SplitIsExactAtEveryMagnitude) {
 // wherever a coordinate lies, of whatever size, beside whichever face.
 TEST(Grid, SplitIsTheFloorAndNeverDecreases) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(0, 1);
   const auto any = [&](double low, double high) { return std::exp2(low + (high - low) * unit(random)); };
   for (int trial = 0; trial < 300; trial++) {
     Level l;
@@ -101,10 +82,9 @@ TEST(Grid, FixedPointDifferencesDoNotGrowWithTheDomain) {
   Level l;
   l.size = 2.00390625, l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits);
   std::mt19937_64 random(6);
-  std::uniform_real_distribution<double> unit(-1, 1);
   for (const double far : {0., 1e5, 1e9, 1e12})
     for (int k = 0; k < 20000; k++) {
-      const double a = far * unit(random) + unit(random), b = a + 4 * unit(random);
+      const double a = far * signed_unit(random) + signed_unit(random), b = a + 4 * signed_unit(random);
       const double apart = wrapped_difference(fixed_point_of(l, split(l, a)), fixed_point_of(l, split(l, b)));
       ASSERT_LE(std::abs(apart - (b - a) * l.units), 1.001) << a << " " << b;
     }
@@ -198,7 +178,6 @@ TEST(Grid, HashedLevelsSpreadBoxesPlanesAndLines) {
 // A grid that covers spheres gives each a bin that exists, and a level whose bins are wide enough.
 TEST(Grid, CoversIsTrueOnlyWhereEverySphereHasAPlace) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(-1, 1);
   int covered = 0, left = 0;
   for (int round = 0; round < 60; round++) {
     std::vector<Sphere> spheres =
@@ -207,8 +186,8 @@ TEST(Grid, CoversIsTrueOnlyWhereEverySphereHasAPlace) {
     const Grid g = choose_grid(before, 0, 8, CrossSearch::coarse_to_fine,
                                round % 2 ? GridBounds::wide : GridBounds::tight);
     EXPECT_TRUE(covers(g, before));
-    const double step = std::pow(10, 2 * unit(random));
-    for (Sphere& s : spheres) s.x += step * unit(random), s.y += step * unit(random);
+    const double step = std::pow(10, 2 * signed_unit(random));
+    for (Sphere& s : spheres) s.x += step * signed_unit(random), s.y += step * signed_unit(random);
     const Summary now = summary_of(spheres);
     (covers(g, now) ? covered : left)++;
     if (!covers(g, now)) continue;
@@ -232,16 +211,15 @@ TEST(Grid, CoversIsTrueOnlyWhereEverySphereHasAPlace) {
 // sizes fill a box whose walls stand at 0, and tremble.
 TEST(Grid, SteppedGridsStayWhileSpheresTremble) {
   std::mt19937_64 random(20261123);
-  std::uniform_real_distribution<double> share(0, 1);
   std::vector<Sphere> spheres(30000);
   for (Sphere& s : spheres)
-    s = {150 * share(random), 150 * share(random), 150 * share(random), std::pow(share(random), -0.4)};
+    s = {150 * unit(random), 150 * unit(random), 150 * unit(random), std::pow(unit(random), -0.4)};
   Grid before;
   int changes = 0;
   for (int frame = 0; frame < 20; frame++) {
     std::vector<Sphere> moved = spheres;
     for (Sphere& s : moved)
-      for (double* x : {&s.x, &s.y, &s.z}) *x += 0.2 * s.r * (share(random) - 0.5);
+      for (double* x : {&s.x, &s.y, &s.z}) *x += 0.2 * s.r * (unit(random) - 0.5);
     const Grid g = choose_grid(summary_of(moved), 0, 8, CrossSearch::coarse_to_fine, GridBounds::stepped);
     ASSERT_GT(g.levels, 2);
     changes += frame > 0 && !(g == before);
@@ -308,7 +286,6 @@ TEST(Grid, EqualRadiiAreOneLevelAndWideOnesSeveral) {
 // may be the next one. Elsewhere its bounds are wide.
 TEST(Grid, HashedLevelsOfALayerAreBounded) {
   std::mt19937_64 random(27);
-  std::uniform_real_distribution<double> unit(0, 1);
   for (const double height : {0.0, -1e-20, 37.0}) {
     std::vector<Sphere> spheres;
     for (int k = 0; k < 20'000; k++)
@@ -335,8 +312,6 @@ TEST(Grid, HashedLevelsOfALayerAreBounded) {
   }
 }
 
-// Bins of points are as small as coordinates allow. If the step of these were 2^30 of them, a third of the
-// points would share a bucket of the ring, and each would be tested against each.
 // Bins in float are for dense levels of no more than kMostFloatBins bins along an axis, also while the bounds
 // are wider than the spheres.
 TEST(Grid, LongLevelsAreHashedForAGpu) {
@@ -355,6 +330,8 @@ TEST(Grid, LongLevelsAreHashedForAGpu) {
   }
 }
 
+// Bins of points are as small as coordinates allow. If the step of these were 2^30 of them, a third of the
+// points would share a bucket of the ring, and each would be tested against each.
 TEST(Grid, FewPointsOnALineShareABucket) {
   std::vector<Sphere> points;
   for (int k = 0; k <= 1 << 12; k++) points.push_back({1.5 * k, 1.5 * k, -1.5 * k, 0});
@@ -401,7 +378,6 @@ std::vector<double> met_in_bins(const Grid& g, const std::vector<Sphere>& sphere
 // they are: they would visit few of their bins. So the small ones need not share bins that suit larger ones.
 TEST(Grid, RadiiThatGrowOutwardsHaveLevelsOfTheirOwn) {
   std::mt19937_64 random(26);
-  std::uniform_real_distribution<double> unit(0, 1);
   std::normal_distribution<double> normal;
   for (const double ratio : {1e2, 3e3, 1e6})
     for (const double radii_away : {16, 50}) {
@@ -427,7 +403,6 @@ TEST(Grid, RadiiThatGrowOutwardsHaveLevelsOfTheirOwn) {
 // Spheres of any size that are far away do not make others look as if nothing were near them.
 TEST(Grid, StraySpheresLeaveTheLevelsOfTheOthers) {
   std::mt19937_64 random(28);
-  std::uniform_real_distribution<double> unit(0, 1);
   std::vector<Sphere> spheres(30'000);
   double volume = 0;
   for (Sphere& s : spheres) s.r = std::pow(1 - unit(random), -0.4), volume += 12 * s.r * s.r * s.r;
@@ -454,7 +429,6 @@ TEST(Grid, StraySpheresLeaveTheLevelsOfTheOthers) {
 // octaves to be joined: others than that of the heap.
 TEST(Grid, LoneSpheresOfManySizesDoNotCoarsenAHeap) {
   std::mt19937_64 random(30);
-  std::uniform_real_distribution<double> unit(0, 1);
   std::vector<Sphere> spheres;
   for (int k = 0; k < 20'000; k++)
     spheres.push_back({65 * unit(random), 65 * unit(random), 65 * unit(random), 1});
@@ -474,7 +448,6 @@ TEST(Grid, LoneSpheresOfManySizesDoNotCoarsenAHeap) {
 // of its bins.
 TEST(Grid, AHeapAmongBouldersHasBinsOfItsOwn) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(0, 1);
   for (const double ratio : {20.0, 100.0, 1000.0}) {
     std::vector<Sphere> spheres;
     const auto strew = [&](int count, double edge, double r) {
@@ -513,7 +486,6 @@ TEST(Grid, AHeapAmongBouldersHasBinsOfItsOwn) {
 // do not get bins for coarser ones, in which all of the heap would lie.
 TEST(Grid, JoinedOctavesDoNotCoarsenAHeap) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(0, 1);
   std::vector<Sphere> spheres;
   for (int k = 0; k < 60'000; k++) {
     const bool heap = k % 3 < 2;
@@ -535,7 +507,6 @@ TEST(Grid, JoinedOctavesDoNotCoarsenAHeap) {
 // Spheres that lie evenly have the grid that their bounds ask for, whatever probes find by chance.
 TEST(Grid, ProbesOfEvenSpheresChangeNothing) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(0, 1);
   for (int trial = 0; trial < 60; trial++) {
     const double ratio = std::pow(100, unit(random)), edge = 20 * ratio * (1 + unit(random));
     std::vector<Sphere> spheres(1000 + random() % 50'000);
@@ -567,7 +538,6 @@ TEST(Grid, ProbesAreDifferentSpheres) {
 // spheres do not make bins for the many.
 TEST(Grid, MoreOctavesThanLevels) {
   std::mt19937_64 random(27);
-  std::uniform_real_distribution<double> unit(0, 1);
   std::normal_distribution<double> normal;
   for (const double sigma : {2.0, 4.0}) {
     std::vector<Sphere> spheres(50'000);
@@ -622,7 +592,6 @@ TEST(Grid, LargeSpheresSearchSmallOnesAlsoInHashedLevels) {
 // Two spheres of one level that touch are at most one bin apart.
 TEST(Grid, PartnersAreInNeighbouringBins) {
   std::mt19937_64 random(8);
-  std::uniform_real_distribution<double> unit(0, 1);
   const TestScene scene = random_scene(2000, 30, 1, 3);
   const Grid g = choose_grid(summary_of(scene.spheres), 0);
   for (const Sphere& a : scene.spheres)

@@ -11,14 +11,9 @@
 namespace padder::detect {
 namespace {
 
-class StagesTest : public testing::TestWithParam<BackendKind> {
+class StagesTest : public BackendTest {
  protected:
-  void SetUp() override {
-    if (GetParam() == BackendKind::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
-    device_.backend = GetParam(), options_.path = Path::nine_stages;
-  }
-  DeviceChoice device_;
-  CallOptions options_;
+  StagesTest() { options_.path = Path::nine_stages; }
 };
 
 // The figures of section 2.1, as far as the text gives them: bins A1 to A5 and B1 to B5 of edge 1 (columns 1
@@ -98,11 +93,8 @@ TEST_P(StagesTest, ArraysAgreeWithEachOther) {
 
 TEST_P(StagesTest, BinsAreTwiceTheLargestRadiusAndASphereTouchesEight) {
   const std::vector<FloatSphere> f = generate("dense", 2000);
-  Input input;
-  input.spheres = spheres_of<float>(f.size(), &f[0].x, &f[0].r);
-  input.spheres.center_stride = input.spheres.radius_stride = 4;
   Detector d(device_, options_);
-  const Arrays s = d.stages(input);
+  const Arrays s = d.stages(input_of(f));
   EXPECT_NEAR(s.grid.size, 2, 1e-5);
   for (const std::uint64_t t : s.T) EXPECT_LE(t, 8u);
 }
@@ -148,8 +140,7 @@ TEST_P(StagesTest, AnArrayBThatIsTooLargeAsksForLargerBins) {
   EXPECT_TRUE(refuses([&] { d.detect(a.input); }, "array B, but are not available: choose larger bins"));
 }
 
-INSTANTIATE_TEST_SUITE_P(Backends, StagesTest, testing::Values(BackendKind::omp, BackendKind::cuda),
-                         [](const auto& c) { return c.param == BackendKind::omp ? "omp" : "cuda"; });
+ON_EVERY_BACKEND(StagesTest);
 
 }  // namespace
 }  // namespace padder::detect

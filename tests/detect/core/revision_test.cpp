@@ -23,8 +23,7 @@ class RevisionTest : public testing::TestWithParam<Way> {
   void SetUp() override {
     device_.backend = GetParam().backend;
     options_.path = GetParam().path, options_.bodies = GetParam().bodies;
-    if (device_.backend == BackendKind::cuda && !cuda_present())
-      GTEST_SKIP() << "no GPU that this build can use";
+    skip_without(device_.backend);
     for (int k = 0; k < 4; k++) at(k, 10.0 * k);
     input_.shapes = {&shape_, 1}, input_.bodies = bodies_;
     input_.revision = 7;
@@ -146,13 +145,7 @@ INSTANTIATE_TEST_SUITE_P(Ways, RevisionTest,
                                          Way{BackendKind::cuda, Path::grid, Bodies::first},
                                          Way{BackendKind::cuda, Path::grid, Bodies::expanded},
                                          Way{BackendKind::cuda, Path::nine_stages, Bodies::automatic}),
-                         [](const auto& which) {
-                           const Way& w = which.param;
-                           return std::string(w.backend == BackendKind::omp ? "omp_" : "cuda_") +
-                                  (w.path == Path::nine_stages ? "stages"
-                                   : w.bodies == Bodies::first ? "first"
-                                                               : "expanded");
-                         });
+                         name_in_one_word<Way>);
 
 }  // namespace
 }  // namespace padder::detect

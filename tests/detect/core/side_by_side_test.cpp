@@ -4,7 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
+
+#include "tests/detect/random.h"
 
 namespace padder::detect {
 namespace {
@@ -19,7 +20,6 @@ TEST(SideBySide, SpheresOfOneWorldKeepTheirDistanceAndThoseOfTwoAreFarApart) {
     const std::uint64_t seed = device();
     SCOPED_TRACE("seed " + std::to_string(seed));
     std::mt19937_64 random(seed);
-    std::uniform_real_distribution<double> unit(0, 1);
     WorldBounds b{};
     const double size = std::exp2(40 * unit(random) - 20);
     for (int c = 0; c < 3; c++) {

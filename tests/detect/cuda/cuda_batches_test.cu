@@ -3,19 +3,16 @@
 // is room for.
 #include <gtest/gtest.h>
 
-#include <random>
-
 #include "detect/cuda/bodies/narrow_phase.h"
+#include "tests/detect/random.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 TEST(BatchesTest, EveryPairIsInOneBatch) {
-  const unsigned seed = std::random_device()();
-  std::printf("seed %u\n", seed);
-  std::mt19937 random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   for (int k = 0; k < 2000; k++) {
-    const std::uint32_t warps = 1 + random() % 4000;
+    const auto warps = static_cast<std::uint32_t>(1 + random() % 4000);
     const std::uint64_t pairs = random() % (1u << (random() % 22));
     const Batches batches(pairs, warps);
     std::uint64_t next = 0;

@@ -10,6 +10,7 @@
 
 #include "detect/cuda/device/device.h"
 #include "detect/cuda/input/survey.h"
+#include "tests/detect/backends.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -35,10 +36,8 @@ TEST(CudaSurvey, ExponentsByBits) {
     check(std::ldexp(1.0f, e), 0, 0, 0.5f), check(std::ldexp(1.9f, e), 0, 0, 0.5f);
 }
 
-TEST(CudaSurvey, PackedFloatsAsAnyOthers) {
-  int devices = 0;
-  if (cudaGetDeviceCount(&devices) != cudaSuccess || devices == 0)
-    GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
+using SurveyOnAGpu = GpuTest;
+TEST_F(SurveyOnAGpu, OfPackedFloatsIsThatOfAnyOthers) {
   std::mt19937 random(5);
   std::uniform_real_distribution<float> unit(0, 1);
   for (const std::uint32_t count : {1u, 100u, 40'000u})

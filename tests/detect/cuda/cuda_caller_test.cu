@@ -20,10 +20,11 @@ using cuda::driver_function;
 __global__ void nothing_kernel() {}
 __global__ void fault_kernel() { *reinterpret_cast<volatile int*>(16) = 1; }
 
-class CudaCallerTest : public testing::Test {
+class CudaCallerTest : public GpuTest {
  protected:
   void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
+    GpuTest::SetUp();
+    if (IsSkipped()) return;
     spheres_ = generate("dense", 20'000);
     Detector reference(DeviceChoice{BackendKind::omp});
     reference.detect(input_of(spheres_));

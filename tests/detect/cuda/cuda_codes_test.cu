@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-#include <random>
 #include <vector>
 
 #include "detect/cuda/order/bins.h"
+#include "tests/detect/random.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -22,7 +22,6 @@ struct Pair3 {
 // sum of the radii apart; where that is 1, as little less as float needs for them to touch.
 std::vector<Pair3> pairs(std::mt19937& random, const float (&low)[3], const float (&high)[3], float r_min,
                          float r_max, double share, int count) {
-  std::uniform_real_distribution<double> unit(0, 1);
   std::normal_distribution<double> normal;
   std::vector<Pair3> all;
   while (static_cast<int>(all.size()) < count) {

@@ -31,12 +31,7 @@ TEST(CudaDevice, AnOldGpuIsToldWhatIsNeeded) {
             "-DCMAKE_CUDA_ARCHITECTURES=121 or choose omp");
 }
 
-class CudaLimits : public testing::Test {
- protected:
-  void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
-  }
-};
+using CudaLimits = GpuTest;
 
 // In a roomy book an eighth more than is needed is taken at once, as long as half of the memory stays free;
 // else only when a buffer grows.
@@ -84,13 +79,8 @@ void expect_same_list(std::initializer_list<LimitedScene> scenes) {
   for (const LimitedScene& scene : scenes) {
     SCOPED_TRACE(testing::Message() << scene.name << " " << scene.spheres);
     const auto spheres = generate(scene.name, scene.spheres);
-    std::vector<double> doubles;
-    for (std::size_t k = 0; scene.in_double && k < spheres.size(); k++)
-      doubles.insert(doubles.end(), {spheres[k].x, spheres[k].y, spheres[k].z, spheres[k].r});
-    Input input;
-    input.spheres = scene.in_double ? spheres_of(spheres.size(), &doubles[0], &doubles[3])
-                                    : spheres_of(spheres.size(), &spheres[0].x, &spheres[0].r);
-    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    const std::vector<Sphere> wide = in_double_of(spheres);
+    const Input input = scene.in_double ? input_of(wide) : input_of(spheres);
     CallOptions options;
     options.order = Order::stable;
     Detector whole({BackendKind::cuda}, options);

@@ -10,6 +10,7 @@
 
 #include "detect/cuda/input/host_copy.h"
 #include "detect/cuda/tuning.h"
+#include "tests/detect/backends.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -21,9 +22,7 @@ struct Sides {
 
 class HostCopies : public testing::TestWithParam<Sides> {
  protected:
-  void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
-  }
+  void SetUp() override { skip_without(BackendKind::cuda); }
 };
 
 // Around the size from which blocks are used; from and to addresses that are aligned to nothing.

@@ -10,13 +10,9 @@
 namespace padder::detect {
 namespace {
 
-class LongRows : public testing::Test {
+class LongRows : public GpuTest {
  protected:
-  void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "no GPU";
-    random_ = random_of_new_seed();
-  }
-  double unit() { return std::uniform_real_distribution<double>(-1, 1)(random_); }
+  double unit() { return signed_unit(random_); }
   std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
 
   // Of this radius, `far` from a point; on a disc about it where `flat`.
@@ -71,16 +67,14 @@ class LongRows : public testing::Test {
     }
   }
 
-  std::mt19937_64 random_;
+  std::mt19937_64 random_ = random_of_new_seed();
 };
 
 TEST_F(LongRows, BruteForce) {
   for (int k = 0; k < 6; k++) {
     const TestScene s = scene(500 + below(1500), 1 + below(3), k % 2 ? 20 : 1);
     for (const Order order : {Order::any, Order::stable}) {
-      CallOptions o;
-      o.order = order;
-      Detector d({BackendKind::cuda}, o);
+      Detector d({BackendKind::cuda}, {.order = order});
       const Arranged input(s, Scalar::f64);
       const std::vector<Pair> expected = brute_force(s);
       for (int call = 0; call < 3; call++) {
@@ -102,12 +96,8 @@ TEST_F(LongRows, LargeScenes) {
 TEST_F(LongRows, FiltersARegionAndAMargin) {
   for (const double ratio : {1.0, 30.0}) {
     TestScene s = scene(20'000, 4, ratio);
-    CallOptions o;
-    o.margin = 0.1;
-    expect_lists(s, Scalar::f32, o);
-    o = {};
-    o.own = {{-20, -10, -30}, {30, 40, 3}};
-    expect_lists(s, Scalar::f64, o);
+    expect_lists(s, Scalar::f32, {.margin = 0.1});
+    expect_lists(s, Scalar::f64, {.own = {{-20, -10, -30}, {30, 40, 3}}});
     for (std::size_t k = 0; k < s.spheres.size(); k++) s.family.push_back(below(4));
     expect_lists(s, Scalar::f32, {});
   }
@@ -154,9 +144,7 @@ TEST_F(LongRows, AllInOneBin) {
   const Arranged input(s, Scalar::f32);
   Detector cpu({BackendKind::omp}, {});
   const std::uint64_t count = cpu.detect(input.input).count;
-  CallOptions o;
-  o.bin_size = 1000;
-  Detector d({BackendKind::cuda}, o);
+  Detector d({BackendKind::cuda}, {.bin_size = 1000});
   for (const Order order : {Order::any, Order::stable})
     for (int call = 0; call < 2; call++) {
       d.options().order = order;

@@ -5,37 +5,23 @@
 
 #include <algorithm>
 #include <ostream>
-#include <random>
 #include <vector>
 
 #include "detect/cuda/device/device.h"
 #include "detect/cuda/order/bins.h"
 #include "detect/cuda/order/order.h"
+#include "tests/detect/backends.h"
+#include "tests/detect/core/summary_of.h"
+#include "tests/detect/random.h"
 #include "tests/detect/some_cases.h"
 
 namespace padder::detect::cuda {
 namespace {
 
 Summary summary_of(const std::vector<float4>& spheres) {
-  Summary s;
-  s.count = spheres.size();
-  for (const float4& p : spheres) {
-    const double x[3] = {p.x, p.y, p.z};
-    for (int k = 0; k < 3; k++) s.low[k] = std::min(s.low[k], x[k]), s.high[k] = std::max(s.high[k], x[k]);
-    for (const double c : x) s.extent = std::max(s.extent, std::abs(c));
-    s.radius_min = std::min<double>(s.radius_min, p.w), s.radius_max = std::max<double>(s.radius_max, p.w);
-    s.radius_sum += p.w;
-    s.need_max = std::max(s.need_max, need_of({p.x, p.y, p.z, p.w}));
-  }
-  if (!needs_octaves(s)) return s;
-  for (const float4& p : spheres) {
-    const double need = need_of({p.x, p.y, p.z, p.w}), x[3] = {p.x, p.y, p.z};
-    Summary::Octave& o = s.octave[octave_of(exponent_of(s.need_max), need)];
-    for (int k = 0; k < 3; k++) o.low[k] = std::min(o.low[k], x[k]), o.high[k] = std::max(o.high[k], x[k]);
-    o.count++, o.need_max = std::max(o.need_max, need), o.radius_max = std::max<double>(o.radius_max, p.w);
-  }
-  s.octaves_known = true;
-  return s;
+  std::vector<Sphere> wide;
+  for (const float4& s : spheres) wide.push_back({s.x, s.y, s.z, s.w});
+  return detect::summary_of(wide);
 }
 
 std::vector<float4> cloud(std::mt19937& random, std::size_t count, float side, float low, float least,
@@ -157,16 +143,15 @@ TEST(CudaBins, SpheresOfOtherLevelsReachThoseThatTouch) {
 // of the bins, as a float, lies in front of that of the level.
 TEST(CudaBins, SpheresOfOtherLevelsReachThoseInWideBins) {
   std::mt19937 random(20261126);
-  std::uniform_real_distribution<double> share(0, 1);
   int on = 0;
   for (int scene = 0; scene < 2'000; scene++) {
     Grid grid;
     grid.levels = 2;
     Level &l = grid.level[0], &other = grid.level[1];
-    l.size = 600 + std::floor(400 * share(random)), l.per_size = 1 / l.size;
-    l.radius_max = l.size * std::exp2(-1.01 - 8 * share(random)), l.buckets = 1 << 20;
-    l.count[0] = static_cast<std::uint32_t>(std::exp2(12 * share(random)));
-    l.first[0] = static_cast<std::int64_t>(std::exp2(18 * share(random))) - 2000;
+    l.size = 600 + std::floor(400 * unit(random)), l.per_size = 1 / l.size;
+    l.radius_max = l.size * std::exp2(-1.01 - 8 * unit(random)), l.buckets = 1 << 20;
+    l.count[0] = static_cast<std::uint32_t>(std::exp2(12 * unit(random)));
+    l.first[0] = static_cast<std::int64_t>(std::exp2(18 * unit(random))) - 2000;
     other.size = 1000 * l.size, other.per_size = 1 / other.size, other.radius_max = other.size / 2.1;
     const LevelBins bins = level_bins(grid, SlotKind::unequal);
     if (!bins.on) continue;
@@ -174,10 +159,10 @@ TEST(CudaBins, SpheresOfOtherLevelsReachThoseInWideBins) {
     const FloatBins& b = bins.level[0];
     const double low = static_cast<double>(l.first[0]) * l.size, end = low + l.count[0] * l.size;
     for (int k = 0; k < 200; k++) {
-      const double face = 1 + std::floor(l.count[0] * share(random));
-      auto y = static_cast<float>(b.origin[0] + face / b.per_size[0] * (1 + 0x1p-22 * (share(random) - 0.5)));
+      const double face = 1 + std::floor(l.count[0] * unit(random));
+      auto y = static_cast<float>(b.origin[0] + face / b.per_size[0] * (1 + 0x1p-22 * (unit(random) - 0.5)));
       while (y >= end) y = std::nextafter(y, -INFINITY);
-      const double far = l.radius_max * (1 + 0.1 * share(random));
+      const double far = l.radius_max * (1 + 0.1 * unit(random));
       if (y < low) continue;
       for (const double x : {y - far, y + far})
         ASSERT_NO_FATAL_FAILURE(expect_within_reach(grid, bins, 1, 0, 0, y, static_cast<float>(x)))
@@ -196,11 +181,7 @@ struct Way {
 
 class CudaOrderTest : public testing::TestWithParam<Way> {
  protected:
-  void SetUp() override {
-    int devices = 0;
-    if (cudaGetDeviceCount(&devices) != cudaSuccess || devices == 0)
-      GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
-  }
+  void SetUp() override { skip_without(BackendKind::cuda); }
 
   template <class T>
   static std::vector<T> host(const T* device, std::size_t count) {

@@ -53,9 +53,7 @@ class GreenStream {
 
 class CudaProcessorsTest : public testing::TestWithParam<unsigned> {
  protected:
-  void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
-  }
+  void SetUp() override { skip_without(BackendKind::cuda); }
   // The same list as on the whole device, call by call: alone, with the bins of the call before, recorded.
   void expect_same(const char* scene, std::uint64_t n, bool wide, Order order) {
     SCOPED_TRACE(testing::Message() << scene << " " << n << (wide ? " in double" : " in float")
@@ -64,12 +62,8 @@ class CudaProcessorsTest : public testing::TestWithParam<unsigned> {
     if (!green.stream) GTEST_SKIP() << "needs a driver that makes green contexts (CUDA 12.5 or newer)";
     EXPECT_EQ(cuda::processors_of(green.stream, 0), static_cast<int>(green.count));
     const auto spheres = generate(scene, n);
-    std::vector<double> doubles;
-    for (const FloatSphere& s : spheres) doubles.insert(doubles.end(), {s.x, s.y, s.z, s.r});
-    Input input;
-    input.spheres =
-        wide ? spheres_of(n, &doubles[0], &doubles[3]) : spheres_of(n, &spheres[0].x, &spheres[0].r);
-    input.spheres.center_stride = input.spheres.radius_stride = 4;
+    const std::vector<Sphere> doubles = in_double_of(spheres);
+    const Input input = wide ? input_of(doubles) : input_of(spheres);
     CallOptions options;
     options.order = order;
     Detector whole({BackendKind::cuda}, options);

@@ -9,26 +9,23 @@
 namespace padder::detect {
 namespace {
 
+// What the resident detector found, and what one detector finds.
+void expect_same(const ResidentDetector& resident, Detector& one, const Input& input) {
+  const Contacts& wanted = one.detect(input);
+  EXPECT_EQ(resident.report().contacts, wanted.count);
+  EXPECT_EQ(resident.report().spheres, wanted.spheres);
+  EXPECT_EQ(resident.hash(), one.hash());
+  EXPECT_EQ(records_of(resident), records_of(wanted));
+}
 void expect_as_one(const Input& input, ResidentDetector& resident, const std::vector<int>& devices,
                    std::uint64_t seed = 1) {
   const Parts parts(input, devices, seed);
-  Detector one = one_on_the_cpu(on({}).detector);
-  const Contacts& wanted = one.detect(input);
-  const ResidentReport& r = resident.detect(parts.spheres);
-  EXPECT_EQ(r.contacts, wanted.count);
-  EXPECT_EQ(r.spheres, wanted.spheres);
-  EXPECT_EQ(resident.hash(), one.hash());
-  Records expected;
-  for (const auto& [pair, bytes] : records_of(wanted)) expected[{pair.first, pair.second}] = bytes;
-  EXPECT_EQ(records_of(resident), expected);
+  resident.detect(parts.spheres);
+  Detector one = one_on_the_cpu(resident.options());
+  expect_same(resident, one, input);
 }
 
-class CudaResident : public testing::Test {
- protected:
-  void SetUp() override {
-    if (gpus() == 0) GTEST_SKIP() << "there is no GPU";
-  }
-};
+using CudaResident = GpuTest;
 
 TEST_F(CudaResident, AnyNumberOfGpusFindsWhatOneDetectorFinds) {
   SomeCases some;
@@ -82,8 +79,7 @@ TEST_F(CudaResident, PartsThatLieWhereTheyAreNeededAreReadInPlace) {
           const std::vector<int> devices = several(5);
           ResidentDetector resident(on(devices));
           TestScene scene = random_scene(6000, tagged ? 3 : 30, 0.4, 17).rounded();
-          for (std::uint32_t k = 0; tagged && k < 6000; k++)
-            scene.family.push_back(k % 5), scene.mask.push_back(k % 16);
+          if (tagged) scene.tag(5, 16);
           {
             const Arranged a(scene, scalar);
             resident.detect(Parts(a.input, devices).spheres);
@@ -107,14 +103,10 @@ TEST_F(CudaResident, PartsThatLieWhereTheyAreNeededAreReadInPlace) {
             input.spheres = spheres_of<double>(radii.size(), wide_centers.data(), wide_radii.data());
           const Parts parts(input, devices, 0, cuts);
           Detector one = one_on_the_cpu(on({}).detector);
-          Records expected;
-          for (const auto& [pair, bytes] : records_of(one.detect(input)))
-            expected[{pair.first, pair.second}] = bytes;
           bool cut = false;
           for (int call = 0; call < 2; call++) {
             cut |= resident.detect(parts.spheres).cut;
-            EXPECT_EQ(resident.hash(), one.hash());
-            EXPECT_EQ(records_of(resident), expected);
+            expect_same(resident, one, input);
           }
           if (cut) continue;  // the boxes are others now
           for (std::size_t k = 0; k < devices.size(); k++) {
@@ -143,12 +135,9 @@ TEST_F(CudaResident, OddScenes) {
 
 TEST_F(CudaResident, TagsAndStaticSpheresTravelToo) {
   TestScene scene = random_scene(4000, 3, 0.3, 31);
-  std::mt19937_64 random(31);
+  scene.tag(5, 16);
   std::vector<std::uint8_t> is_static;
-  for (std::size_t k = 0; k < scene.spheres.size(); k++) {
-    scene.family.push_back(static_cast<std::uint32_t>(random() % 5));
-    scene.mask.push_back(static_cast<std::uint32_t>(random() % 16)), is_static.push_back(random() % 2);
-  }
+  for (std::size_t k = 0; k < scene.spheres.size(); k++) is_static.push_back(k % 3 == 0);
   const Arranged a(scene, Scalar::f32);
   Input input = a.input;
   input.spheres.is_static = is_static.data();
@@ -156,13 +145,7 @@ TEST_F(CudaResident, TagsAndStaticSpheresTravelToo) {
   ResidentDetector resident(on(devices));
   expect_as_one(input, resident, devices);
   resident.options().own.low[0] = 5;
-  CallOptions limited = on({}).detector;
-  limited.own.low[0] = 5;
-  Detector one = one_on_the_cpu(limited);
-  one.detect(input);
-  const Parts parts(input, devices);
-  resident.detect(parts.spheres);
-  EXPECT_EQ(resident.hash(), one.hash());
+  expect_as_one(input, resident, devices);
 }
 
 // Enough spheres for the search that fuses levels. Many midpoints lie on the faces of the regions.
@@ -199,7 +182,7 @@ TEST_F(CudaResident, RegionsShareTheContactsOfManySpheresOfAllSizes) {
 TEST_F(CudaResident, CountingByBoxesGivesTheHashOfOneDetector) {
   const Arranged a(random_scene(60000, 4, 0.6, 51), Scalar::f64);
   MovingBodies scene(52, 500);
-  const Arranged loose(scene.loose, Scalar::f32);
+  const Arranged loose(scene.grains, Scalar::f32);
   Input with_bodies = scene.input();
   with_bodies.spheres = loose.input.spheres;
   for (const Input& input : {a.input, with_bodies}) {
@@ -216,31 +199,13 @@ TEST_F(CudaResident, CountingByBoxesGivesTheHashOfOneDetector) {
 }
 
 TEST_F(CudaResident, SixtyStepsGiveTheHashOfOneDetector) {
-  const std::uint32_t seed = 101;
-  std::printf("seed %u\n", seed);
-  std::mt19937_64 random(seed);
-  std::normal_distribution<float> jump(0, 1);
-  TestScene scene = random_scene(20000, 4, 0.6, seed).rounded();
   const std::vector<int> devices = several(4);
   ResidentDetector resident(on(devices));
-  Detector one = one_on_the_cpu(on({}).detector);
-  int cuts = 0;
-  SomeCases some;
-  for (int step = 0; step < 60; step++) {
-    if (!some.left_out()) {
-      const Arranged a(scene, Scalar::f32);
-      const Parts parts(a.input, devices, static_cast<std::uint64_t>(step));
-      one.detect(a.input);
-      cuts += resident.detect(parts.spheres).cut;
-      ASSERT_EQ(resident.hash(), one.hash()) << "step " << step;
-    }
-    for (Sphere& s : scene.spheres) {
-      s.x = 0.97 * s.x + 0.2 * jump(random), s.y += 0.2 * jump(random), s.z += 0.2 * jump(random);
-      s.r *= 1 + 0.02 * jump(random) * (step % 7 == 0);
-    }
-    scene = scene.rounded();
-    for (Sphere& s : scene.spheres) s.r = std::abs(s.r);
-  }
+  const int cuts = expect_steps(60, 20000, 0.97, [&](const Input& input, int step) {
+    const Parts parts(input, devices, static_cast<std::uint64_t>(step));
+    const bool cut = resident.detect(parts.spheres).cut;
+    return std::pair(resident.hash(), cut);
+  });
   EXPECT_GT(cuts, 1);
   EXPECT_LT(cuts, 50);
 }
@@ -256,7 +221,7 @@ TEST_F(CudaResident, BodiesGiveTheContactsOfOneDetector) {
       Detector one = one_on_the_cpu(on({}).detector);
       for (int step = 0; step < 8; step++) {
         if (some.left_out()) continue;
-        const Arranged a(scene.loose, Scalar::f32);
+        const Arranged a(scene.grains, Scalar::f32);
         const Parts parts(a.input, devices, static_cast<std::uint64_t>(step));
         const bool on_gpus = step != 3;  // in between a call with poses in host memory
         const PoseParts poses(scene.poses, devices);
@@ -265,16 +230,10 @@ TEST_F(CudaResident, BodiesGiveTheContactsOfOneDetector) {
         Input bodies = input;
         input.spheres = a.input.spheres, input.poses = scene.poses.data();
         if (!on_gpus) bodies.poses = scene.poses.data();
-        const Contacts& wanted = one.detect(input);
-        const ResidentReport& r =
-            resident.detect(parts.spheres, bodies, on_gpus ? poses.parts : std::vector<ResidentPoses>());
-        ASSERT_GT(wanted.count, 500u);
-        ASSERT_EQ(r.contacts, wanted.count) << "step " << step;
-        EXPECT_EQ(r.spheres, wanted.spheres);
-        ASSERT_EQ(resident.hash(), one.hash()) << "step " << step;
-        Records expected;
-        for (const auto& [pair, bytes] : records_of(wanted)) expected[{pair.first, pair.second}] = bytes;
-        ASSERT_EQ(records_of(resident), expected) << "step " << step;
+        resident.detect(parts.spheres, bodies, on_gpus ? poses.parts : std::vector<ResidentPoses>());
+        SCOPED_TRACE("step " + std::to_string(step));
+        expect_same(resident, one, input);
+        ASSERT_GT(resident.report().contacts, 500u);
         scene.turn(1);
       }
     }
@@ -328,8 +287,9 @@ TEST_F(CudaResident, BodiesOfSeveralWorldsGiveTheContactsOfOneDetector) {
   }
 }
 
-std::string failure(ResidentDetector& resident, std::span<const Spheres> parts) {
-  return error_of([&] { resident.detect(parts); });
+testing::AssertionResult refused(ResidentDetector& resident, std::span<const Spheres> parts,
+                                 const std::string& words) {
+  return refuses([&] { resident.detect(parts); }, words);
 }
 
 TEST_F(CudaResident, FailuresAreASentenceAndTheDetectorStaysUsable) {
@@ -340,13 +300,12 @@ TEST_F(CudaResident, FailuresAreASentenceAndTheDetectorStaysUsable) {
   scene.spheres[2500].r = -1;
   const Arranged bad(scene, Scalar::f32);
   const Parts parts(bad.input, devices);
-  EXPECT_NE(failure(resident, parts.spheres).find("sphere 2500 at ("), std::string::npos)
-      << failure(resident, parts.spheres);
+  EXPECT_TRUE(refused(resident, parts.spheres, "sphere 2500 at ("));
   EXPECT_EQ(resident.hash(), 0u);
-  EXPECT_NE(failure(resident, std::span(parts.spheres).first(2)).find("2 parts"), std::string::npos);
+  EXPECT_TRUE(refused(resident, std::span(parts.spheres).first(2), "2 parts"));
   resident.options().memory_limit = 1000;
   const Parts fine(good.input, devices);
-  EXPECT_NE(failure(resident, fine.spheres).find("GPU "), std::string::npos);
+  EXPECT_TRUE(refused(resident, fine.spheres, "GPU "));
   resident.options().memory_limit = 0;
   expect_as_one(good.input, resident, devices);
   MovingBodies scene3(3, 0);

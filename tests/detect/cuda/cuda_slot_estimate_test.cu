@@ -5,12 +5,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 #include <vector>
 
 #include "detect/cuda/output/stable_output.h"
 #include "detect/cuda/search/level_pairs.h"
 #include "detect/cuda/tuning.h"
+#include "tests/detect/random.h"
 
 namespace padder::detect::cuda {
 namespace {
@@ -18,9 +18,7 @@ namespace {
 // No more slots than there are: else more slots would be left empty than contacts spill, and the list would
 // have holes. No fewer than rounding down costs a tile.
 TEST(CudaSlotEstimate, TilesGetNoMoreSlotsThanThereAre) {
-  const unsigned seed = std::random_device{}();
-  std::printf("seed %u\n", seed);
-  std::mt19937 random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   const auto below = [&](std::uint64_t n) { return random() % n; };
   for (int scene = 0; scene < 20'000; scene++) {
     Grid grid;
@@ -52,9 +50,7 @@ TEST(CudaSlotEstimate, TilesGetNoMoreSlotsThanThereAre) {
 // Of each two levels, each sphere of one searches each part of its rows of the other once, however the work
 // is divided.
 TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
-  const unsigned seed = std::random_device{}();
-  std::printf("seed %u\n", seed);
-  std::mt19937 random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   const auto below = [&](std::uint64_t n) { return random() % n; };
   int in_groups = 0, in_parts = 0, one_after_the_other = 0, from_fine = 0;
   for (int scene = 0; scene < 300; scene++) {
@@ -102,9 +98,7 @@ TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
 // Where two levels have no units, no sphere of one can touch a sphere of the other; and levels that lie far
 // from each other have none.
 TEST(CudaSlotEstimate, LevelsThatLieApartHaveNoUnits) {
-  const unsigned seed = std::random_device{}();
-  std::printf("seed %u\n", seed);
-  std::mt19937 random(seed);
+  std::mt19937_64 random = random_of_new_seed();
   const auto below = [&](std::uint64_t n) { return random() % n; };
   int apart = 0, near = 0;
   for (int scene = 0; scene < 3000; scene++) {

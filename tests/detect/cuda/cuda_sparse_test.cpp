@@ -7,16 +7,9 @@
 namespace padder::detect {
 namespace {
 
-class SparseTest : public testing::Test {
+class SparseTest : public GpuTest {
  protected:
-  void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "no GPU";
-    std::random_device device;
-    seed_ = device();
-    std::printf("seed %u\n", seed_);
-    random_.seed(seed_);
-  }
-  double unit() { return std::uniform_real_distribution<double>(-1, 1)(random_); }
+  double unit() { return signed_unit(random_); }
   std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
 
   // Heaps, chains and dust, far from each other or not, of radii 1 to `ratio`.
@@ -44,9 +37,7 @@ class SparseTest : public testing::Test {
   }
 
   void expect_brute_force(double ratio, Scalar scalar) {
-    CallOptions o;
-    o.order = below(2) ? Order::stable : Order::any;
-    Detector d({BackendKind::cuda}, o);
+    Detector d({BackendKind::cuda}, {.order = below(2) ? Order::stable : Order::any});
     TestScene s = scene(200 + below(3000), ratio);
     if (below(3) == 0)
       for (std::size_t k = 0; k < s.spheres.size(); k++) s.family.push_back(below(4));
@@ -54,7 +45,7 @@ class SparseTest : public testing::Test {
       const TestScene given = scalar == Scalar::f32 ? s.rounded() : s;
       const Arranged input(given, scalar);
       const Contacts& c = d.detect(input.input);
-      ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(given)) << "call " << call << " seed " << seed_;
+      ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(given)) << "call " << call;
       move(s, std::pow(10, unit() - 1));
     }
   }
@@ -65,16 +56,18 @@ class SparseTest : public testing::Test {
     Detector cpu({BackendKind::omp}, {}), gpu({BackendKind::cuda}, {});
     for (int call = 0; call < 5; call++) {
       gpu.options().order = below(2) ? Order::stable : Order::any;
-      const TestScene given = scalar == Scalar::f32 ? s.rounded() : s;
-      const Arranged input(given, scalar);
-      ASSERT_EQ(gpu.detect(input.input).count, cpu.detect(input.input).count) << call << " seed " << seed_;
-      ASSERT_EQ(gpu.hash(), cpu.hash()) << "call " << call << " seed " << seed_;
+      SCOPED_TRACE("call " + std::to_string(call));
+      ASSERT_NO_FATAL_FAILURE(expect_same(s, scalar, gpu, cpu));
       move(s, 0.1);
     }
   }
+  static void expect_same(const TestScene& s, Scalar scalar, Detector& gpu, Detector& cpu) {
+    const Arranged input(scalar == Scalar::f32 ? s.rounded() : s, scalar);
+    ASSERT_EQ(gpu.detect(input.input).count, cpu.detect(input.input).count);
+    ASSERT_EQ(gpu.hash(), cpu.hash());
+  }
 
-  std::mt19937_64 random_;
-  std::uint32_t seed_ = 0;
+  std::mt19937_64 random_ = random_of_new_seed();
 };
 
 // Doubles are searched as floats where no coordinate exceeds 2^16 smallest radii. Pairs whose gap is a small
@@ -91,12 +84,10 @@ TEST_F(SparseTest, DoublesThatNearlyTouchAsByBruteForce) {
       s.spheres.push_back(a);
       s.spheres.push_back({a.x + t * d[0], a.y + t * d[1], a.z + t * d[2], r});
     }
-    CallOptions o;
-    o.order = k < 3 ? Order::stable : Order::any;
-    Detector d({BackendKind::cuda}, o);
+    Detector d({BackendKind::cuda}, {.order = k < 3 ? Order::stable : Order::any});
     const Arranged input(s, Scalar::f64);
     const Contacts& c = d.detect(input.input);
-    ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(s)) << "scene " << k << " seed " << seed_;
+    ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(s)) << "scene " << k;
   }
 }
 TEST_F(SparseTest, EqualRadiiAsByBruteForce) {
@@ -117,9 +108,7 @@ TEST_F(SparseTest, LargeScenesAsByTheProcessor) {
 TEST_F(SparseTest, HeapsOfTwoSizesAsTheyComeNear) {
   for (const std::uint32_t n : {2'000u, 200'000u})
     for (const Order order : {Order::any, Order::stable}) {
-      CallOptions o;
-      o.order = order;
-      Detector cpu({BackendKind::omp}, {}), gpu({BackendKind::cuda}, o);
+      Detector cpu({BackendKind::omp}), gpu({BackendKind::cuda}, {.order = order});
       const double edge = std::cbrt(6.0 * n);
       for (const double gap : {1e5, 200.0, 60.0, 30.0, -10.0, 1e4}) {
         TestScene s;
@@ -130,10 +119,7 @@ TEST_F(SparseTest, HeapsOfTwoSizesAsTheyComeNear) {
           else
             s.spheres.push_back({edge + gap + 37 * x, 37 * y, 37 * z, 37 + 4 * std::abs(unit())});
         }
-        const TestScene given = s.rounded();
-        const Arranged input(given, Scalar::f32);
-        ASSERT_EQ(gpu.detect(input.input).count, cpu.detect(input.input).count) << gap << " seed " << seed_;
-        ASSERT_EQ(gpu.hash(), cpu.hash()) << "gap " << gap << " seed " << seed_;
+        ASSERT_NO_FATAL_FAILURE(expect_same(s, Scalar::f32, gpu, cpu)) << "gap " << gap;
       }
     }
 }
@@ -149,9 +135,8 @@ TEST_F(SparseTest, GrainsOnLargeBallsAsByTheProcessor) {
         const Sphere b{edge * unit(), edge * unit(), edge * unit(), k % 3 ? 100.0 : 12.0};
         s.spheres.push_back(b);
         for (int g = 0; g < 999; g++) {
-          const double d[3] = {unit(), unit(), unit()}, r = 1 + 0.4 * unit(),
-                       away = (b.r + r * (1 - 0.1 * unit())) / std::hypot(d[0], d[1], d[2]);
-          s.spheres.push_back({b.x + away * d[0], b.y + away * d[1], b.z + away * d[2], r});
+          const double r = 1 + 0.4 * unit();
+          s.spheres.push_back(grain_on(b, r, r * (1 - 0.1 * unit()), random_));
         }
       }
       expect_processor(s, scalar);
@@ -192,14 +177,9 @@ TEST_F(SparseTest, PlanesThatComeBackToAFaceAsByTheProcessor) {
     TestScene away = flat;
     move(away, 0.02);
     for (const Order order : {Order::any, Order::stable}) {
-      CallOptions o;
-      o.order = order;
-      Detector cpu({BackendKind::omp}, {}), gpu({BackendKind::cuda}, o);
+      Detector cpu({BackendKind::omp}), gpu({BackendKind::cuda}, {.order = order});
       for (int call = 0; call < 8; call++) {
-        const TestScene given = (call % 4 == 3 ? flat : away).rounded();
-        const Arranged input(given, Scalar::f32);
-        ASSERT_EQ(gpu.detect(input.input).count, cpu.detect(input.input).count) << call << " seed " << seed_;
-        ASSERT_EQ(gpu.hash(), cpu.hash()) << "call " << call << " seed " << seed_;
+        ASSERT_NO_FATAL_FAILURE(expect_same(call % 4 == 3 ? flat : away, Scalar::f32, gpu, cpu)) << call;
       }
     }
   }
@@ -216,11 +196,9 @@ TEST_F(SparseTest, PlacesThatRepeatAreToldApart) {
     const TestScene given = s.rounded();
     const Arranged input(given, scalar);
     for (const Order order : {Order::any, Order::stable}) {
-      CallOptions o;
-      o.order = order;
-      Detector d({BackendKind::cuda}, o);
+      Detector d({BackendKind::cuda}, {.order = order});
       const Contacts& c = d.detect(input.input);
-      ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(given)) << "seed " << seed_;
+      ASSERT_EQ(sorted({c.pairs, c.count}), brute_force(given));
     }
   }
 }

@@ -12,13 +12,8 @@
 namespace padder::detect {
 namespace {
 
-class CudaTest : public testing::Test {
+class CudaTest : public GpuTest {
  protected:
-  void SetUp() override {
-    if (!cuda_present()) GTEST_SKIP() << "needs a GPU of compute capability 8.0 or newer, and code for it";
-    cpu_.width = Width::pairs;
-  }
-
   void expect_levels_agree(std::uint64_t n);
   void expect_right_between_faults(std::uint64_t n);
   void expect_one_order(const char* name, std::uint64_t n);
@@ -101,7 +96,7 @@ class CudaTest : public testing::Test {
     }
   }
 
-  CallOptions cpu_, gpu_;
+  CallOptions cpu_{.width = Width::pairs}, gpu_;
 };
 
 TEST_F(CudaTest, LargeScenesAgree) {
@@ -133,10 +128,7 @@ TEST_F(CudaTest, LargeScenesAgreeWithAMargin) {
           doubles[0].x = far;
         else
           for (Sphere& s : doubles) s.x += far;
-        Input input;
-        input.spheres = spheres_of<double>(n, &doubles[0].x, &doubles[0].r);
-        input.spheres.center_stride = input.spheres.radius_stride = 4;
-        std::vector<Input> inputs{input};
+        std::vector<Input> inputs{input_of(doubles)};
         if (far == 0) inputs.push_back(input_of(spheres));
         for (const Input& in : inputs)
           for (const double margin : {0.0, 0.2, 1.5}) {

@@ -98,8 +98,6 @@ inline ResidentOptions on(const std::vector<int>& devices) {
   return o;
 }
 
-using Records = std::map<std::pair<std::uint64_t, std::uint64_t>, std::string>;
-
 inline Records records_of(const ResidentDetector& detector) {
   Records records;
   for (const ResidentContacts& f : detector.found()) {
@@ -109,35 +107,27 @@ inline Records records_of(const ResidentDetector& detector) {
     const auto others = from_gpu<std::uint64_t>(f.numbers.others, f.others.count);
     ResidentNumbers numbers = f.numbers;
     numbers.others = others.data();
-    for (std::size_t k = 0; k < pairs.size(); k++) {
-      std::string bytes(reinterpret_cast<const char*>(&normals[k]), sizeof normals[k]);
-      bytes.append(reinterpret_cast<const char*>(&points[k]), sizeof points[k]);
-      const std::uint64_t i = numbers.of(pairs[k].i), j = numbers.of(pairs[k].j);
-      EXPECT_LT(i, j);
-      EXPECT_TRUE(records.emplace(std::pair(i, j), bytes).second) << i << ", " << j << " was reported twice";
-    }
+    for (std::size_t k = 0; k < pairs.size(); k++)
+      records.add(numbers.of(pairs[k].i), numbers.of(pairs[k].j), normals[k], points[k]);
   }
   return records;
 }
 
 // Bodies of shapes from one sphere to a few hundred, one of them across all boxes and static, at poses that
 // change from step to step; families; loose spheres beside them.
-struct MovingBodies {
-  TestScene loose;
-  std::vector<Sphere> small, large;
-  std::vector<Shape> shapes;
-  std::vector<Body> bodies;
+struct MovingBodies : TestBodies {
+  TestScene grains;
   std::vector<Pose> poses;
   std::mt19937_64 random;
 
   MovingBodies(std::uint32_t seed, std::uint32_t loose_count)
-      : loose(random_scene(std::max(loose_count, 1u), 3, 1, seed).rounded()), random(seed) {
+      : grains(random_scene(std::max(loose_count, 1u), 3, 1, seed).rounded()), random(seed) {
     std::printf("seed %u\n", seed);
-    loose.spheres.resize(loose_count);
-    for (int k = 0; k < 40; k++) small.push_back({unit(), unit(), unit(), 0.3 + 0.1 * unit()});
+    grains.spheres.resize(loose_count), assets.resize(4);
+    for (int k = 0; k < 40; k++) assets[0].push_back({unit(), unit(), unit(), 0.3 + 0.1 * unit()});
+    assets[1] = {assets[0][0]};
     for (int x = -20; x < 20; x++)
-      for (int y = -20; y < 20; y++) large.push_back({1. * x, 1. * y, 0.1 * unit(), 0.8});
-    shapes = {{small.data(), small.size()}, {small.data(), 1}, {large.data(), large.size()}, {nullptr, 0}};
+      for (int y = -20; y < 20; y++) assets[2].push_back({1. * x, 1. * y, 0.1 * unit(), 0.8});
     bodies.resize(600), poses.resize(bodies.size());
     for (std::size_t k = 0; k < bodies.size(); k++) {
       bodies[k].shape = k < 2 ? 2 : k % 50 == 7 ? 3 : k % 3 == 1, bodies[k].is_static = k % 20 == 0;
@@ -147,7 +137,7 @@ struct MovingBodies {
     turn(1);
     for (std::size_t k = 0; k < bodies.size(); k++) set_pose(bodies[k], poses[k]);
   }
-  double unit() { return std::uniform_real_distribution<double>(-1, 1)(random); }
+  double unit() { return signed_unit(random); }
   void turn(double by) {
     for (std::size_t k = 0; k < bodies.size(); k++) {
       rotation_of(1, unit(), unit(), unit(), poses[k].rotation);
@@ -155,8 +145,8 @@ struct MovingBodies {
     }
   }
   Input input() const {
-    Input i;
-    i.shapes = shapes, i.bodies = bodies, i.revision = 7;
+    Input i = TestBodies::input();
+    i.revision = 7;
     return i;
   }
 };

@@ -60,16 +60,13 @@ class Boxed final : public BoxesUnderTest {
   BoxedDetector boxed_;
 };
 
-class BoxesModelTest : public testing::TestWithParam<BackendKind> {};
-
+using BoxesModelTest = BackendTest;
 TEST_P(BoxesModelTest, EveryCallIsThatOfOneDetector) {
-  if (GetParam() == BackendKind::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
   EXPECT_EQ(
       play_boxes(model_seed(), 100, [](auto seed) { return std::make_unique<Boxed>(GetParam(), seed); }), "");
 }
 
-INSTANTIATE_TEST_SUITE_P(Backends, BoxesModelTest, testing::Values(BackendKind::omp, BackendKind::cuda),
-                         [](const auto& one) { return one.param == BackendKind::omp ? "omp" : "cuda"; });
+ON_EVERY_BACKEND(BoxesModelTest);
 
 }  // namespace
 }  // namespace padder::detect

@@ -2,27 +2,14 @@
 // What a call of the model test gave, and whether it is right.
 #pragma once
 #include <cstring>
-#include <sstream>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
-#include "tests/detect/device_memory.h"
 #include "tests/detect/model/script.h"
+#include "tests/detect/world_answers.h"
 
 namespace padder::detect {
-
-// What went wrong with a call.
-struct Wrong {
-  std::string what;
-};
-template <class... Parts>
-void require(bool good, const Parts&... parts) {
-  if (good) return;
-  std::ostringstream text;
-  (text << ... << parts);
-  throw Wrong{text.str()};
-}
 
 // Do records of floats hold the spheres of a call? A detector may refuse what does not surely fit.
 enum class Range { fits, may_be_refused, too_large };
@@ -63,16 +50,6 @@ struct Lists {
   }
 };
 
-inline bool before(const Pair& a, const Pair& b) { return a.i != b.i ? a.i < b.i : a.j < b.j; }
-inline std::uint64_t hash_of(const std::vector<Pair>& pairs) {
-  std::uint64_t sum = 0;
-  for (const Pair& p : pairs) sum += pair_hash(p.i, p.j);
-  return sum;
-}
-inline std::string text(const Pair& p) {
-  return "(" + std::to_string(p.i) + ", " + std::to_string(p.j) + ")";
-}
-
 // Where each pair stood in the list of the call before.
 inline void check_history(const Lists& lists, const std::vector<Pair>& list_before) {
   std::unordered_map<std::uint64_t, std::uint32_t> index;
@@ -84,55 +61,6 @@ inline void check_history(const Lists& lists, const std::vector<Pair>& list_befo
     require(lists.history[k] == wanted, "history of ", text(lists.pairs[k]), " is ", lists.history[k],
             ", not ", wanted, " of ", list_before.size());
   }
-}
-
-// The answers of detect_worlds(), from all contacts, which ascend.
-inline void check_answers(const WorldAnswers& a, Answer asked, std::uint32_t worlds,
-                          const std::vector<Seen>& spheres, const std::vector<Pair>& contacts) {
-  std::vector<std::uint64_t> count(worlds, 0);
-  std::vector<double> distance(worlds, INFINITY);
-  std::vector<Pair> pair(worlds, {~0u, ~0u});
-  for (const Pair& p : contacts) {
-    const std::uint32_t w = std::min(spheres[p.i].world, spheres[p.j].world);
-    if (w == kEveryWorld) continue;
-    count[w]++;
-    const double d = -geometry(spheres[p.i].sphere, spheres[p.j].sphere).depth;
-    if (d < distance[w]) distance[w] = d, pair[w] = p;
-  }
-  require(a.worlds == worlds, "answers of ", a.worlds, " worlds, not ", worlds);
-  const auto on_host = [&](const auto* from) {
-    std::vector<std::decay_t<decltype(*from)>> all(worlds);
-    if (worlds == 0) return all;
-    require(from != nullptr, "an array of the answers is null");
-    if (a.memory == Memory::device)
-      copy_from_device(all.data(), from, worlds * sizeof(*from));
-    else
-      std::copy_n(from, worlds, all.begin());
-    return all;
-  };
-  if (asked == Answer::any) {
-    const auto any = on_host(a.any);
-    for (std::uint32_t w = 0; w < worlds; w++)
-      require(any[w] == (count[w] > 0), "world ", w, " has ", count[w], " contacts, and any is ",
-              int(any[w]));
-  }
-  if (asked == Answer::count) {
-    const auto counted = on_host(a.count);
-    for (std::uint32_t w = 0; w < worlds; w++)
-      require(counted[w] == count[w], "world ", w, " has ", count[w], " contacts, not ", counted[w]);
-  }
-  if (asked == Answer::distance) {
-    const auto found = on_host(a.distance);
-    const auto between = on_host(a.pair);
-    for (std::uint32_t w = 0; w < worlds; w++) {
-      require(found[w] == distance[w], "distance of world ", w, " is ", found[w], ", not ", distance[w]);
-      require(between[w] == pair[w], "the pair of world ", w, " is ", text(between[w]), ", not ",
-              text(pair[w]));
-    }
-  }
-  require(asked == Answer::any || !a.any, "any, which nobody asked for");
-  require(asked == Answer::count || !a.count, "count, which nobody asked for");
-  require(asked == Answer::distance || (!a.distance && !a.pair), "distance, which nobody asked for");
 }
 
 // Normals, depths and points of some of the contacts, in long double.

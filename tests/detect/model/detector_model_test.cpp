@@ -130,10 +130,9 @@ class Sequence {
       other = std::make_unique<Detector>(std::move(*detector_));
       require(other->hash() == hash, "another hash after a move");
     } else {
-      const double ball[] = {0, 0, 0, 1, 1, 0, 0, 1};
-      Input input;
-      input.spheres = spheres_of<double>(2, ball, ball + 3);
-      input.spheres.center_stride = input.spheres.radius_stride = 4, input.revision = 77;
+      const Sphere balls[] = {{0, 0, 0, 1}, {1, 0, 0, 1}};
+      Input input = input_of(balls);
+      input.revision = 77;
       other->options() = {};
       other->detect(input);
       *detector_ = std::move(*other);
@@ -334,11 +333,11 @@ class Sequence {
   bool list_known_ = true;
 };
 
-class ModelTest : public testing::TestWithParam<BackendKind> {
+class ModelTest : public BackendTest {
  protected:
   void SetUp() override {
-    if (GetParam() == BackendKind::cuda && !cuda_present()) GTEST_SKIP() << "no GPU that this build can use";
-    if (GetParam() == BackendKind::cuda) stream_ = std::make_unique<TestStream>();
+    BackendTest::SetUp();
+    if (GetParam() == BackendKind::cuda && !IsSkipped()) stream_ = std::make_unique<TestStream>();
   }
 
   struct Outcome {
@@ -430,11 +429,7 @@ TEST_P(ModelTest, EveryCallOfALargeSceneIsThatOfAFreshDetector) {
   play_all(GetParam() == BackendKind::cuda ? 40 : 1);
 }
 
-std::string name_of_backend(const testing::TestParamInfo<BackendKind>& info) {
-  return info.param == BackendKind::omp ? "omp" : "cuda";
-}
-INSTANTIATE_TEST_SUITE_P(Backends, ModelTest, testing::Values(BackendKind::omp, BackendKind::cuda),
-                         name_of_backend);
+ON_EVERY_BACKEND(ModelTest);
 
 }  // namespace
 }  // namespace padder::detect

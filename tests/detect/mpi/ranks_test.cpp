@@ -2,7 +2,6 @@
 // Contacts among the ranks of MPI: mpirun starts this program with several numbers of ranks. Every rank makes
 // the whole scene, passes its part, and compares with one detector.
 #include <fstream>
-#include <set>
 
 #include "detect/mpi/rank_contact_file.h"
 #include "detect/mpi/rank_detector.h"
@@ -24,24 +23,17 @@ RankOptions on_cpu() {
 void expect_as_one(const Input& input, const Input& part, RankDetector& detector) {
   Detector one = one_on_the_cpu(detector.options());
   const Contacts& wanted = one.detect(input);
-  const auto records = records_of(wanted);
-  std::set<std::pair<std::uint64_t, std::uint64_t>> seen;
+  Records mine;
   const RankReport& r = detector.detect(part, [&](const ContactBatch& b) {
-    for (std::size_t k = 0; k < b.pairs.size(); k++) {
-      const WidePair p = b.pairs[k];
-      EXPECT_TRUE(seen.emplace(p.i, p.j).second) << p.i << ", " << p.j << " was reported twice";
-      std::string bytes(reinterpret_cast<const char*>(static_cast<const Normal<double>*>(b.normals) + k),
-                        sizeof(Normal<double>));
-      bytes.append(reinterpret_cast<const char*>(static_cast<const Points<double>*>(b.points) + k),
-                   sizeof(Points<double>));
-      const auto found = records.find({static_cast<std::uint32_t>(p.i), static_cast<std::uint32_t>(p.j)});
-      EXPECT_TRUE(found != records.end() && found->second == bytes) << p.i << ", " << p.j;
-    }
+    for (std::size_t k = 0; k < b.pairs.size(); k++)
+      mine.add(b.pairs[k].i, b.pairs[k].j, static_cast<const Normal<double>*>(b.normals)[k],
+               static_cast<const Points<double>*>(b.points)[k]);
   });
+  EXPECT_TRUE(records_of(wanted).hold(mine));
   EXPECT_EQ(r.contacts, wanted.count);
   EXPECT_EQ(r.spheres, wanted.spheres);
   EXPECT_EQ(r.hash, one.hash());
-  EXPECT_EQ(r.own_contacts, seen.size());
+  EXPECT_EQ(r.own_contacts, mine.size());
 }
 
 // All but a few of the spheres on the last rank, none on the first, if there are several.
@@ -57,10 +49,7 @@ TEST(Ranks, LooseSpheresGiveWhatOneDetectorGives) {
   for (const std::uint32_t seed : {1u, 2u, 3u}) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     TestScene scene = random_scene(3000, seed == 3 ? 50 : seed, 0.4, seed);
-    if (seed == 2)
-      for (std::size_t k = 0; k < scene.spheres.size(); k++)
-        scene.family.push_back(static_cast<std::uint32_t>(k % 5)),
-            scene.mask.push_back(static_cast<std::uint32_t>(k % 3));
+    if (seed == 2) scene.tag(5, 3);
     const Arranged a(scene, seed % 2 ? Scalar::f32 : Scalar::f64);
     expect_as_one(a.input, part_of(a.input, my_rank, ranks), detector);
     expect_as_one(a.input, uneven_part(a.input), detector);
@@ -101,51 +90,20 @@ TEST(Ranks, PartsMayDiffer) {
   expect_as_one(all, part, detector);
 }
 
-struct Pile {
-  std::vector<Sphere> spheres, rod;
-  std::vector<Shape> shapes;
-  std::vector<Body> bodies;
-  explicit Pile(std::mt19937_64& random) {
-    std::uniform_real_distribution<double> unit(0, 1);
-    for (int k = 0; k < 30; k++) spheres.push_back({unit(random), unit(random), unit(random), 0.1});
-    for (int k = 0; k < 200; k++) rod.push_back({0.1 * k, 0, 0, 0.1});  // across all boxes
-    shapes = {{spheres.data(), spheres.size()}, {rod.data(), rod.size()}, {}};
-    for (int k = 0; k < 150; k++) {
-      Body b;
-      for (double& p : b.position) p = 6 * unit(random);
-      b.is_static = k % 4 == 0, b.shape = k % 40 == 7 ? 1 : k % 40 == 8 ? 2 : 0;
-      b.family = static_cast<std::uint32_t>(k % 7);
-      bodies.push_back(b);
-    }
-  }
-};
-
 TEST(Ranks, BodiesAndRevisionsMeanWhatTheyMeanToOneDetector) {
-  std::mt19937_64 random(7);
-  std::uniform_real_distribution<double> unit(0, 1);
-  Pile pile(random);
+  Pile pile(150);
   const Arranged loose(random_scene(500, 1, 1, 3), Scalar::f32);
   RankDetector detector(MPI_COMM_WORLD, on_cpu());
   Detector one = one_on_the_cpu(on_cpu().detector);
   const Part mine = part_of(pile.bodies.size(), my_rank, ranks);
-  std::vector<std::uint32_t> moved, my_moved;
-  std::vector<Pose> poses(pile.bodies.size());
   for (int step = 0; step < 30; step++) {
-    moved.clear(), my_moved.clear();
-    for (std::uint32_t k = 0; k < pile.bodies.size(); k++) {
-      if (random() % 3 == 0)
-        for (double& p : pile.bodies[k].position) p = 6 * unit(random);  // perhaps without saying so
-      if (random() % 3 == 0) moved.push_back(k);
-      for (double& p : poses[k].position) p = 6 * unit(random);
-    }
-    for (const std::uint32_t k : moved)
+    Input input = pile.step(step);
+    input.spheres = loose.input.spheres;
+    std::vector<std::uint32_t> my_moved;
+    for (const std::uint32_t k : input.moved)
       if (k >= mine.first && k < mine.end) my_moved.push_back(k - static_cast<std::uint32_t>(mine.first));
-    Input input = loose.input;
-    input.shapes = pile.shapes, input.bodies = pile.bodies;
-    input.revision = random() % 5 == 0 ? 0 : 1 + static_cast<std::uint64_t>(step) / 10;
-    if (random() % 3 == 0) input.poses = poses.data();
     Input part = part_of(input, my_rank, ranks);
-    input.moved = moved, part.moved = my_moved;
+    part.moved = my_moved;
     const std::uint64_t contacts = one.detect(input).count;
     EXPECT_EQ(detector.detect(part, {}).contacts, contacts) << "step " << step;
     EXPECT_EQ(detector.report().hash, one.hash()) << "step " << step;
@@ -153,22 +111,11 @@ TEST(Ranks, BodiesAndRevisionsMeanWhatTheyMeanToOneDetector) {
 }
 
 TEST(Ranks, AHundredStepsGiveTheHashOfOneBox) {
-  std::mt19937_64 random(101);
-  std::normal_distribution<float> jump(0, 1);
-  TestScene scene = random_scene(3000, 4, 0.6, 101).rounded();
   RankDetector detector(MPI_COMM_WORLD, on_cpu());
-  Detector one = one_on_the_cpu(on_cpu().detector);
-  int cuts = 0;
-  for (int step = 0; step < 100; step++) {
-    const Arranged a(scene, Scalar::f32);
-    one.detect(a.input);
-    const RankReport& r = detector.detect(part_of(a.input, my_rank, ranks), {});
-    EXPECT_EQ(r.hash, one.hash()) << "step " << step;
-    cuts += r.cut;
-    for (Sphere& s : scene.spheres)
-      s.x = 0.985 * s.x + 0.2 * jump(random), s.y += 0.2 * jump(random), s.z += 0.2 * jump(random);
-    scene = scene.rounded();
-  }
+  const int cuts = expect_steps(100, 3000, 0.985, [&](const Input& input, int) {
+    const RankReport& r = detector.detect(part_of(input, my_rank, ranks), {});
+    return std::pair(r.hash, r.cut);
+  });
   EXPECT_LT(cuts, 60);
   EXPECT_GT(cuts, ranks > 2 ? 1 : 0);
 }

@@ -11,7 +11,6 @@ namespace {
 class CrossSearchOfAHeap : public ::testing::Test {
  protected:
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit{0, 1};
   std::normal_distribution<double> normal;
   std::vector<Sphere> spheres;
 

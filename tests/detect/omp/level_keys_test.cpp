@@ -84,7 +84,6 @@ TEST(LevelKeys, ADenseLevelHasAKeyForEachBinAndItsBorder) {
 // Small heaps that lie on each other's buckets: each is another one, moved by a vector between bins of equal
 // keys, or by 256 bins, after which fixed-point slots repeat. `larger`: with spheres of other sizes between.
 TestScene aliases(std::mt19937_64& random, bool larger) {
-  std::uniform_real_distribution<double> unit(0, 1);
   const LevelKeys k = periodic(10);
   const double size = 513.0 / 256;  // the bins of unit spheres
   const double row = k.row, stack = k.plane / k.row, ring = 1024;
@@ -146,7 +145,6 @@ void expect_brute_force(const TestScene& scene, int round) {
 // Few spheres in much space, so that rows often go on at the other end of the ring.
 TEST(PeriodicLevels, AnyPlaceOnTheRingGivesTheContactsOfBruteForce) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(0, 1);
   for (int round = 0; round < 150; round++) {
     TestScene s;
     const double edge = std::pow(10, 2 + 4 * unit(random)),
@@ -168,19 +166,17 @@ TEST(PeriodicLevels, LayersDoNotLieOnThemselves) {
   std::mt19937_64 random(21);
   std::uniform_real_distribution<float> unit(0, 1);
   for (const int upright : {0, 2, 3}) {  // 3: no layer, a cube
-    std::vector<float> spheres{1e6f, -2e6f, 3e6f, 1};
+    std::vector<FloatSphere> spheres{{1e6f, -2e6f, 3e6f, 1}};
     for (int k = 0; k < 120000; k++) {
       float place[3] = {700 * unit(random), 700 * unit(random), 700 * unit(random)};
       if (upright < 3)
         place[upright] = 0;
       else
         for (float& p : place) p *= 0.15f;
-      spheres.insert(spheres.end(), place, place + 3), spheres.push_back(1);
+      spheres.push_back({place[0], place[1], place[2], 1});
     }
-    Input input;
-    input.spheres = spheres_of<float>(spheres.size() / 4, spheres.data(), spheres.data() + 3);
-    input.spheres.center_stride = input.spheres.radius_stride = 4;
-    const View<float> view{spheres.data(), spheres.data() + 3, 4, 4, spheres.size() / 4, nullptr, nullptr};
+    const Input input = input_of(spheres);
+    const View<float> view{&spheres[0].x, &spheres[0].r, 4, 4, spheres.size(), nullptr, nullptr};
     Grid grid = choose_levels(summarize(view, 1), 0);
     ASSERT_TRUE(grid.levels == 1 && grid.level[0].hashed);
     const std::uint64_t before = mistaken_pairs(view, grid.level[0]);
@@ -201,7 +197,6 @@ TEST(PeriodicLevels, LayersDoNotLieOnThemselves) {
 // Heaps of many small spheres and a few large ones, far from each other: two levels, both periodic.
 TEST(PeriodicLevels, OneLevelSearchesAnotherAcrossTheEndOfTheRing) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(0, 1);
   for (int round = 0; round < 24; round++) {
     TestScene s;
     for (int heap = 0; heap < 12; heap++) {

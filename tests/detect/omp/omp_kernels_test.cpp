@@ -271,15 +271,16 @@ TYPED_TEST_SUITE(DifferencesTest, Both);
 TYPED_TEST(DifferencesTest, AreThoseOfTheSpheres) {
   using Given = Exact<TypeParam>;
   std::mt19937_64 random(17);
-  std::uniform_real_distribution<double> unit(-1, 1);
   std::vector<Given> spheres;
   for (int k = 0; k < 300; k++) {
     const auto place = [&] {
-      return static_cast<decltype(Given::x)>(k % 3 ? unit(random) : unit(random) > 0 ? 0.0 : -0.0);
+      return static_cast<decltype(Given::x)>(k % 3                     ? signed_unit(random)
+                                             : signed_unit(random) > 0 ? 0.0
+                                                                       : -0.0);
     };
     Given s;
     s.x = place(), s.y = place(), s.z = place(),
-    s.r = static_cast<decltype(Given::r)>(std::abs(unit(random)));
+    s.r = static_cast<decltype(Given::r)>(std::abs(signed_unit(random)));
     spheres.push_back(s);
   }
   const auto bits = [](double v) { return std::bit_cast<std::uint64_t>(v); };
@@ -305,22 +306,27 @@ TYPED_TEST(DifferencesTest, AreThoseOfTheSpheres) {
   }
 }
 
+// Of a place and a radius of at most `by`.
+Sphere random_sphere(std::mt19937_64& random, double by) {
+  return {by * signed_unit(random), by * signed_unit(random), by * signed_unit(random), by * unit(random)};
+}
+void put(Batch& batch, std::uint32_t k, const Sphere& i, const Sphere& j) {
+  batch.x[k] = j.x - i.x, batch.y[k] = j.y - i.y, batch.z[k] = j.z - i.z, batch.s[k] = i.r + j.r;
+}
+
 // Batches give what geometry() gives, bit for bit, of any size: without a tiny length among them, and with
 // some.
 TEST(Kernels, NormalsAreThoseOfTheRecord) {
   std::mt19937_64 random(9);
-  std::uniform_real_distribution<double> unit(-1, 1);
   for (const int exponent : {0, 300, -400, -500, -700, -1060, 1})
     for (int round = 0; round < 20; round++) {
       std::vector<Sphere> i(kBatch), j(kBatch);
       Batch batch;
       for (std::uint32_t k = 0; k < kBatch; k++) {
         const double by = std::ldexp(1.0, exponent == 1 && k % 7 == 0 ? -600 : exponent);
-        i[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
-        j[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        i[k] = random_sphere(random, by), j[k] = random_sphere(random, by);
         if (round % 2 && k % 5 == 0) j[k] = i[k];
-        batch.x[k] = j[k].x - i[k].x, batch.y[k] = j[k].y - i[k].y, batch.z[k] = j[k].z - i[k].z;
-        batch.s[k] = i[k].r + j[k].r;
+        put(batch, k, i[k], j[k]);
       }
       to_normals(batch, kBatch);
       for (std::uint32_t k = 0; k < kBatch; k++) {
@@ -336,7 +342,6 @@ TEST(Kernels, NormalsAreThoseOfTheRecord) {
 // Marks are those of touching(), or it says that the spheres are too small for them.
 TEST(Kernels, MarksOfPairsThatTouch) {
   std::mt19937_64 random(12);
-  std::uniform_real_distribution<double> unit(-1, 1);
   int touch = 0, apart = 0, small = 0;
   for (const int exponent : {0, 300, -480, -510, -1000})
     for (const double margin : {0.0, std::ldexp(0.1, exponent)}) {
@@ -344,11 +349,9 @@ TEST(Kernels, MarksOfPairsThatTouch) {
       Batch batch;
       std::vector<Sphere> i(kBatch), j(kBatch);
       for (std::uint32_t k = 0; k < kBatch; k++) {
-        i[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
-        j[k] = {by * unit(random), by * unit(random), by * unit(random), by * std::abs(unit(random))};
+        i[k] = random_sphere(random, by), j[k] = random_sphere(random, by);
         if (k % 3 == 0) j[k] = i[k], j[k].x += i[k].r + j[k].r + margin;  // one point, but for rounding
-        batch.x[k] = j[k].x - i[k].x, batch.y[k] = j[k].y - i[k].y, batch.z[k] = j[k].z - i[k].z;
-        batch.s[k] = i[k].r + j[k].r;
+        put(batch, k, i[k], j[k]);
       }
       std::int64_t marks[kBatch];
       if (!mark_touching(batch, kBatch, margin, marks)) {
@@ -367,16 +370,15 @@ TEST(Kernels, MarksOfPairsThatTouch) {
 
 TEST(BinNumbers, AndFixedPointsAreThoseOfSplit) {
   std::mt19937_64 random(11);
-  std::uniform_real_distribution<double> unit(-1, 1);
   for (const double size : {2.00390625, 1023.0 / 1024, 513 * 0x1p-60, 0x1p100}) {
     Level l;
     l.size = size, l.per_size = 1 / size, l.units = std::ldexp(l.per_size, kUnitBits);
     std::vector<double> x;
     for (const double far : {1.0, 1e3, 1e6, 1e12, 0x1p43})
       for (int k = 0; k < 2000; k++) {
-        const double v = std::round(unit(random) * far) * size;  // an edge of a bin
+        const double v = std::round(signed_unit(random) * far) * size;  // an edge of a bin
         for (const double near :
-             {v, std::nextafter(v, INFINITY), std::nextafter(v, -INFINITY), unit(random) * far * size})
+             {v, std::nextafter(v, INFINITY), std::nextafter(v, -INFINITY), signed_unit(random) * far * size})
           if (std::abs(near) <= 0x1p43 * size) x.push_back(near);
       }
     for (const double v : {0.0, -0.0, -1e-20, -5e-324, 5e-324}) x.push_back(v);
@@ -416,8 +418,7 @@ TEST(Octaves, AreThoseOfTheGrid) {
 TEST(Widen, GivesTheBoundsAndNoticesWhatIsNoLength) {
   std::vector<double> x(256);
   std::mt19937_64 random(12);
-  std::uniform_real_distribution<double> unit(-1, 1);
-  for (double& v : x) v = unit(random);
+  for (double& v : x) v = signed_unit(random);
   for (const double v :
        std::initializer_list<double>{0.5, kLargest, -kLargest, 2 * kLargest, -INFINITY, INFINITY, NAN})
     for (std::size_t at = 0; at < x.size(); at += 17) {

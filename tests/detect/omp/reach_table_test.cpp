@@ -29,7 +29,6 @@ Level level_over(const std::vector<Sphere>& spheres, bool hashed, double grown_b
 
 TEST(ReachTable, TellsEachPartnerOnce) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(0, 1);
   Budget budget;
   ReachTable table(budget);
   int met = 0, beyond = 0;
@@ -85,20 +84,16 @@ TEST(ReachTable, TellsEachPartnerOnce) {
 // of the grains' bins. With a filter, a box, and a margin; near and far from each other; of any size.
 TEST(ReachTable, GrainsFindTheBallsThatTheyLieOn) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(-1, 1);
   for (const double wide : {1200.0, 1e6})
     for (const double scale : {1.0, 1e-160})
       for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
         if (scalar == Scalar::f32 && scale < 1) continue;
         TestScene s;
         for (int ball = 0; ball < 150; ball++) {
-          const Sphere b{wide * unit(random), wide * unit(random), wide * unit(random), 100};
+          const Sphere b{wide * signed_unit(random), wide * signed_unit(random), wide * signed_unit(random),
+                         100};
           s.spheres.push_back(b);
-          for (int grain = 0; grain < 10; grain++) {
-            const double d[3] = {unit(random), unit(random), unit(random)},
-                         away = 101 / std::hypot(d[0], d[1], d[2]);
-            s.spheres.push_back({b.x + away * d[0], b.y + away * d[1], b.z + away * d[2], 1});
-          }
+          for (int grain = 0; grain < 10; grain++) s.spheres.push_back(grain_on(b, 1, 1, random));
         }
         s.scale(scale);
         if (scalar == Scalar::f32) s = s.rounded();

@@ -4,14 +4,13 @@
 
 #include <gtest/gtest.h>
 
-#include <random>
+#include "tests/detect/random.h"
 
 namespace padder::detect::omp {
 namespace {
 
 TEST(WideTree, AWalkVisitsEveryBoxThatIsMetOnceAndInOrder) {
   std::mt19937_64 random(9);
-  std::uniform_real_distribution<double> unit(0, 1);
   Budget budget;
   SphereTree tree(budget);  // one after the other, so that a tree is left from a larger one
   for (const std::uint32_t n : {0u, 1u, 7u, 8u, 9u, 64u, 65u, 4097u, 700u, 0u, 512u, 513u}) {

@@ -327,14 +327,15 @@ TEST_F(ContactFileTest, RecordsHaveTheBitsOfADetectors) {
   const TestScene s = random_scene(1500, 4, 0.8, 21).rounded();
   const std::vector<Shape> shapes = {{s.spheres.data(), 200}, {s.spheres.data() + 200, 1}, {nullptr, 0}};
   std::mt19937_64 random(21);
-  std::uniform_real_distribution<double> unit(-1, 1);
   std::vector<Body> bodies(40);
   std::vector<Pose> poses(bodies.size());
   for (std::size_t k = 0; k < bodies.size(); k++) {
-    rotation_of(unit(random), unit(random), unit(random), unit(random), bodies[k].rotation);
-    rotation_of(unit(random), unit(random), unit(random), unit(random), poses[k].rotation);
+    rotation_of(signed_unit(random), signed_unit(random), signed_unit(random), signed_unit(random),
+                bodies[k].rotation);
+    rotation_of(signed_unit(random), signed_unit(random), signed_unit(random), signed_unit(random),
+                poses[k].rotation);
     for (int a = 0; a < 3; a++)
-      bodies[k].position[a] = 9 * unit(random), poses[k].position[a] = 9 * unit(random);
+      bodies[k].position[a] = 9 * signed_unit(random), poses[k].position[a] = 9 * signed_unit(random);
     bodies[k].shape = static_cast<std::uint32_t>(k % 3), bodies[k].is_static = k % 5 == 0;
   }
   for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {

@@ -16,16 +16,9 @@ struct Found {
 
 Found found(const std::vector<FloatSphere>& f, const DeviceChoice& device, const CallOptions& options,
             bool in_double) {
-  std::vector<double> d;
-  Input input;
-  input.spheres = spheres_of<float>(f.size(), &f[0].x, &f[0].r);
-  if (in_double) {
-    for (const FloatSphere& s : f) d.insert(d.end(), {s.x, s.y, s.z, s.r});
-    input.spheres = spheres_of<double>(f.size(), d.data(), d.data() + 3);
-  }
-  input.spheres.center_stride = input.spheres.radius_stride = 4;
+  const std::vector<Sphere> wide = in_double_of(f);
   Detector detector(device, options);
-  const std::uint64_t count = detector.detect(input).count;
+  const std::uint64_t count = detector.detect(in_double ? input_of(wide) : input_of(f)).count;
   return {count, detector.hash()};
 }
 
@@ -61,8 +54,7 @@ TEST(Generate, PinnedContactsAndHashes) {
   for (const auto& p : pinned) {
     SCOPED_TRACE(p.name);
     const std::vector<FloatSphere> f = generate(p.name, p.n);
-    for (const BackendKind backend : {BackendKind::omp, BackendKind::cuda}) {
-      if (backend == BackendKind::cuda && !cuda_present()) continue;
+    for (const BackendKind backend : backends())
       for (const Path path : {Path::grid, Path::nine_stages})
         for (const int threads : {1, 2}) {
           if (path == Path::nine_stages && threads == 1) continue;
@@ -72,7 +64,6 @@ TEST(Generate, PinnedContactsAndHashes) {
           EXPECT_EQ(f1.count, p.count) << (threads == 2 ? "in double" : "in float");
           EXPECT_EQ(f1.hash, p.hash) << std::hex << f1.hash;
         }
-    }
   }
 }
 
@@ -82,8 +73,7 @@ TEST(Generate, BodiesHaveNoContactsInside) {
   Input input;
   input.shapes = {&shape, 1}, input.bodies = scene.bodies;
   std::vector<std::uint64_t> hashes;
-  for (const BackendKind backend : {BackendKind::omp, BackendKind::cuda}) {
-    if (backend == BackendKind::cuda && !cuda_present()) continue;
+  for (const BackendKind backend : backends())
     for (const Path path : {Path::grid, Path::nine_stages}) {
       CallOptions o;
       o.path = path;
@@ -93,7 +83,6 @@ TEST(Generate, BodiesHaveNoContactsInside) {
       for (const Pair& p : c.pair_span()) ASSERT_NE(p.i / 64, p.j / 64);
       hashes.push_back(d.hash());
     }
-  }
   for (const std::uint64_t h : hashes) EXPECT_EQ(h, hashes[0]);
 }
 

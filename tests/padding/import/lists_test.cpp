@@ -78,37 +78,6 @@ TEST_F(ListsTest, Liggghts) {
   expect_same_spheres(read_spheres(write(model_of(brick()), "b.txt", "liggghts")), brick());
 }
 
-// LIGGGHTS measures the union itself, by a million random points.
-TEST_F(ListsTest, LiggghtsFindsTheSameVolume) {
-  if (!have("liggghts")) GTEST_SKIP() << "liggghts is not installed";
-  Cluster two = brick();
-  two.centers = {{0, 0, 0}, {0.4, 0, 0}}, two.radii = {0.5, 0.5}, two.triangle = {0, 1};
-  const double lens =
-      std::numbers::pi * (2 + 0.4) * 0.6 * 0.6 / 12;  // of two spheres of radius 1/2, 0.4 apart
-  const double volume = 2 * std::numbers::pi / 6 - lens;
-  write(model_of(two), "two.txt", "liggghts");
-  write_file(
-      folder_ / "in.liggghts",
-      "atom_style granular\natom_modify map array\nboundary f f f\nnewton off\ncommunicate single vel "
-      "yes\nunits si\n"
-      "region reg block -2 2 -2 2 -2 2 units box\ncreate_box 1 reg\nneighbor 0.1 bin\nneigh_modify delay 0\n"
-      "fix m1 all property/global youngsModulus peratomtype 5.e6\n"
-      "fix m2 all property/global poissonsRatio peratomtype 0.45\n"
-      "fix m3 all property/global coefficientRestitution peratomtypepair 1 0.9\n"
-      "fix m4 all property/global coefficientFriction peratomtypepair 1 0.05\n"
-      "pair_style gran model hertz tangential history\npair_coeff * *\ntimestep 1e-5\n"
-      "fix t all particletemplate/multisphere 15485863 atom_type 1 density constant 1 nspheres 2 ntry "
-      "1000000 spheres file two.txt scale 1 type 1\n"
-      "fix d all particledistribution/discrete 32452843 1 t 1.0\n"
-      "fix i all insert/pack seed 67867967 distributiontemplate d maxattempt 200 insert_every once "
-      "overlapcheck yes all_in yes vel constant 0. 0. 0. region reg particles_in_region 1\nfix ms all "
-      "multisphere\nrun 1\n");
-  const Ran r = run("cd '" + folder_.string() + "' && timeout 60 liggghts -in in.liggghts");
-  const auto at = r.output.find("inserted 1 particle templates (mass ");
-  ASSERT_NE(at, std::string::npos) << r.output;
-  EXPECT_NEAR(std::atof(r.output.c_str() + at + 36), volume, 0.005 * volume);
-}
-
 TEST_F(ListsTest, Yade) {
   const std::string list = text(model_of(brick()), "b.txt", "yade");
   EXPECT_TRUE(list.starts_with("#format x_y_z_r_clumpId\n"));

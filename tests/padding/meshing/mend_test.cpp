@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <functional>
 #include <set>
+#include <source_location>
 
 #include "padding/by_tolerance/cull.h"
 #include "padding/geometry/random.h"
@@ -42,6 +43,17 @@ Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
 
 double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
 double volume(const Repaired& r) { return mass_properties(r.boundary()).volume; }
+
+// The mesh mends to a solid of this volume.
+Repaired expect_solid(const Mesh& mesh, double expected, double within,
+                      RepairMode mode = RepairMode::automatic,
+                      const std::source_location& at = std::source_location::current()) {
+  const testing::ScopedTrace trace(at.file_name(), static_cast<int>(at.line()), "");
+  Repaired r = mended(mesh, mode);
+  EXPECT_EQ(r.kind, BodyKind::solid) << r.report;
+  EXPECT_NEAR(volume(r), expected, within);
+  return r;
+}
 
 using Inside = std::function<bool(const Point&)>;
 
@@ -81,10 +93,8 @@ TEST(Mend, CubesThatShareAFaceAnEdgeOrACornerAreOneBody) {
     const bool wall = step.x() == 1 && step.y() < 1;
     const Eigen::Matrix3d turn = wall ? Eigen::Matrix3d::Identity() : random.rotation();
     const Mesh both = moved(joined(kCube, moved(kCube, step)), turn, {3, 1, 2});
-    const Repaired r = mended(both);
-    EXPECT_EQ(r.kind, BodyKind::solid);
+    const Repaired r = expect_solid(both, 2, 1e-9);
     EXPECT_EQ(r.sheet, 0u);
-    EXPECT_NEAR(volume(r), 2, 1e-9);
     const Inside inside = [&](const Point& p) {
       const Point q = turn.transpose() * (p - Point(3, 1, 2));
       return in_box(q, {0, 0, 0}, {1, 1, 1}) || in_box(q, step, step + Vector(1, 1, 1));
@@ -273,10 +283,8 @@ TEST(Mend, EverySecondTriangleMissing) {
   // The middle one of each four is missing: its neighbours only touch in points.
   for (std::size_t t = 0; t < whole.triangles.size(); t++)
     if (t % 4 != 3) mesh.triangles.push_back(whole.triangles[t]);
-  const Repaired r = mended(mesh);
-  EXPECT_EQ(r.kind, BodyKind::solid);
+  const Repaired r = expect_solid(mesh, mass_properties(whole).volume, 1e-9);
   EXPECT_EQ(r.patches.size(), whole.triangles.size() / 4);
-  EXPECT_NEAR(volume(r), mass_properties(whole).volume, 1e-9);
 }
 
 Mesh lathe(const std::vector<std::array<double, 2>>& profile, int n) {  // radius and height, from the axis up
@@ -335,12 +343,10 @@ TEST(Mend, AHollowBallWithAHoleInItsOuterShellIsASolid) {
   const Mesh ball = shapes::sphere(3);
   const Mesh outer = without(ball, [](const Point& p) { return p.z() > 0.9; });
   const Mesh inner = scaled(turned_over(ball), 0.8);
-  const Repaired r = mended(joined(outer, inner));
-  EXPECT_EQ(r.kind, BodyKind::solid);
+  const Repaired r = expect_solid(joined(outer, inner), 4.0 / 3 * std::numbers::pi * (1 - 0.512), 0.1);
   EXPECT_EQ(r.patches.size(), 1u);
   EXPECT_EQ(r.steps.cavities, 1u);
   EXPECT_EQ(r.steps.turned_pieces, 0u);
-  EXPECT_NEAR(volume(r), 4.0 / 3 * std::numbers::pi * (1 - 0.512), 0.1);
 }
 
 TEST(Mend, AHelmetOfTwoOutwardWallsWithoutARimIsAShell) {
@@ -361,9 +367,7 @@ TEST(Mend, AHelmetOfTwoOutwardWallsWithoutARimIsAShell) {
 TEST(Mend, HalvesOfABallThatLieApartAreSolid) {
   const Mesh lower = lower_half_of_a_ball();
   const Mesh upper = moved(lower, Eigen::Vector3d(1, -1, -1).asDiagonal(), {0, 0, 0.1});
-  const Repaired r = mended(joined(upper, lower));
-  EXPECT_EQ(r.kind, BodyKind::solid);
-  EXPECT_NEAR(volume(r), 4.0 / 3 * std::numbers::pi, 0.05);
+  expect_solid(joined(upper, lower), 4.0 / 3 * std::numbers::pi, 0.05);
 }
 
 // What a closed piece covers is no opening: its own lid, or the ground that it stands on.
@@ -485,10 +489,8 @@ TEST(Mend, TheHoleThroughATireIsNotFilled) {
       const double hole = 2 * half_width * 0.6 * 0.6, per_turn = n * std::sin(2 * std::numbers::pi / n) / 2;
       const Mesh mesh = lathe(profile, n);
       for (const Mesh& side : {mesh, turned_over(mesh)}) {
-        const Repaired r = mended(side, RepairMode::fill);
-        EXPECT_EQ(r.kind, BodyKind::solid);
+        const Repaired r = expect_solid(side, per_turn * (whole - tire * hole), 1e-9, RepairMode::fill);
         EXPECT_EQ(r.patches.size(), tire ? 1u : 2u);
-        EXPECT_NEAR(volume(r), per_turn * (whole - tire * hole), 1e-9) << n << " " << half_width;
       }
     }
 }
@@ -547,10 +549,8 @@ TEST(Mend, APipeOfTwoWallsIsNoRod) {
   const Mesh pipe = joined(outer, turned_over(wall(0.8, middle, 31)));
   const double thin = 3 * (area(1, 40) - area(0.8, 31));
   for (const Mesh& mesh : {pipe, turned_over(pipe)}) {
-    const Repaired r = mended(mesh);
-    EXPECT_EQ(r.kind, BodyKind::solid);
+    const Repaired r = expect_solid(mesh, thin, 1e-6);
     EXPECT_EQ(r.patches.size(), 2u);
-    EXPECT_NEAR(volume(r), thin, 1e-6);
   }
   const Mesh bores = joined(turned_over(wall(0.3, left, 20)), turned_over(wall(0.3, right, 20)));
   EXPECT_NEAR(volume(mended(joined(outer, bores))), 3 * (area(1, 40) - 2 * area(0.3, 20)), 1e-6);
@@ -574,9 +574,7 @@ TEST(Mend, ASheetThatRunsIntoASolidKeepsTheRestOutside) {
   const Mesh fin = mapped(shapes::square(1), [](auto p) {  // half of its length lies in the cube
     return Point(p.x() + 0.5, 0.5 * (p.y() + 0.2), 0.4);
   });
-  const Repaired r = mended(joined(kCube, fin));
-  EXPECT_EQ(r.kind, BodyKind::solid);
-  EXPECT_NEAR(volume(r), 1, 1e-9);
+  const Repaired r = expect_solid(joined(kCube, fin), 1, 1e-9);
   EXPECT_NEAR(r.steps.sheet_area, 0.25, 1e-9);
   EXPECT_NEAR(r.steps.buried_area, 0.25, 1e-9);
 }
@@ -608,9 +606,7 @@ TEST(Mend, AFaceThatIsGivenTwiceWithAnotherDiagonalCountsOnce) {
     cube.triangles.push_back(inward ? std::array{a, c, d} : std::array{a, d, c});
     for (std::size_t t = cube.triangles.size(); t-- > 1;)
       std::swap(cube.triangles[t], cube.triangles[static_cast<std::size_t>(random.uniform(0, double(t)))]);
-    const Repaired r = mended(moved(cube, random.rotation(), random.direction()));
-    EXPECT_EQ(r.kind, BodyKind::solid) << k;
-    EXPECT_NEAR(volume(r), 1, 1e-12) << k;
+    expect_solid(moved(cube, random.rotation(), random.direction()), 1, 1e-12);
   }
 }
 
@@ -627,9 +623,7 @@ TEST(Mend, SheetsThatCrossAreNotCut) {
 
 // Half of the sheet lies on the cube's face, and is no surface of its own there. The face stays whole.
 TEST(Mend, ASheetOnAFaceIsTheFace) {
-  const Repaired r = mended(joined(kCube, moved(shapes::square(1), {0.5, 0, 1})));
-  EXPECT_EQ(r.kind, BodyKind::solid);
-  EXPECT_NEAR(volume(r), 1, 1e-12);
+  const Repaired r = expect_solid(joined(kCube, moved(shapes::square(1), {0.5, 0, 1})), 1, 1e-12);
   EXPECT_NEAR(r.steps.sheet_area, 0.5, 1e-12);
   EXPECT_NEAR(r.mesh.area(), 6.5, 1e-12);
 }
@@ -637,12 +631,10 @@ TEST(Mend, ASheetOnAFaceIsTheFace) {
 TEST(Mend, CracksAndTJunctionsAreClosed) {
   for (const double crack : {0.0, 5e-5}) {
     const Mesh lid = moved(shapes::square(1, 7), {0, 0, 1 + crack});  // seven parts where the rim has two
-    const Repaired r = mended(joined(kOpenCube, lid));
-    EXPECT_EQ(r.kind, BodyKind::solid);
+    const Repaired r = expect_solid(joined(kOpenCube, lid), 1, 1e-4);
     EXPECT_EQ(r.patches.size(), 0u);
     EXPECT_GT(crack > 0 ? r.steps.cracks : r.steps.split, 0u);
     EXPECT_NEAR(r.steps.crack_width, crack, 1e-12);
-    EXPECT_NEAR(volume(r), 1, 1e-4);
   }
 }
 
@@ -656,9 +648,7 @@ TEST(Mend, TouchingCubesWhoseFacesAreDividedEachByItselfAreSolid) {
   };
   const Mesh one = cube(0, {1, 2, 4, 3, 5, 3}), other = cube(1, {4, 1, 3, 3, 2, 5});
   for (const Mesh& mesh : {joined(one, other), joined(one, turned_over(other))}) {
-    const Repaired r = mended(mesh);
-    EXPECT_EQ(r.kind, BodyKind::solid);
-    EXPECT_NEAR(volume(r), 2, 1e-9);
+    const Repaired r = expect_solid(mesh, 2, 1e-9);
     EXPECT_EQ(r.steps.sheet_area, 0);
   }
   RandomInput random(3);
@@ -694,10 +684,8 @@ TEST(Mend, TrianglesThatAllLieApartByCracksAreOneBody) {
     for (Point& p : corners) p = middle + 0.9995 * (p - middle);
     if (ball.area_normal(t).norm() > 1e-9) apart.add(corners);
   }
-  const Repaired r = mended(apart);
-  EXPECT_EQ(r.kind, BodyKind::solid);
+  const Repaired r = expect_solid(apart, mass_properties(ball).volume, 0.01);
   EXPECT_LT(r.steps.cracks, 8 * apart.triangles.size());
-  EXPECT_NEAR(volume(r), mass_properties(ball).volume, 0.01);
 }
 
 TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
@@ -721,9 +709,7 @@ TEST(Mend, CornersThatLieNearEachOtherAreJoined) {
     if (t % 23 == 0) holed.triangles.erase(holed.triangles.begin() + std::ptrdiff_t(t));
     if (t % 29 == 4) copy.triangles.erase(copy.triangles.begin() + std::ptrdiff_t(t));
   }
-  const Repaired copies = mended(joined(holed, copy));
-  EXPECT_EQ(copies.kind, BodyKind::solid);
-  EXPECT_NEAR(volume(copies), 1, 1e-4);
+  const Repaired copies = expect_solid(joined(holed, copy), 1, 1e-4);
   EXPECT_EQ(copies.steps.joined, 0u);
   // Nor where they have the same holes; but the two sides of a thin plate belong together.
   copy = moved(holed, {1e-6, 1e-6, 2e-6});
@@ -752,10 +738,8 @@ TEST(Mend, AMirroredHalfThatFacesInwardIsTurned) {
   const Mesh half =
       without(shapes::box({0, 0, 0}, {1, 1, 0.5}, 3), [](const Point& p) { return p.z() == 0; });
   const Mesh other = mapped(half, [](auto p) { return Point(p.x(), p.y(), -2e-5 - p.z()); });
-  const Repaired r = mended(joined(half, other));
-  EXPECT_EQ(r.kind, BodyKind::solid);
+  const Repaired r = expect_solid(joined(half, other), 1, 1e-4);
   EXPECT_EQ(r.patches.size(), 0u);
-  EXPECT_NEAR(volume(r), 1, 1e-4);
   EXPECT_NEAR(r.steps.joined_width, 1e-5, 1e-12);
 }
 
@@ -767,10 +751,8 @@ TEST(Mend, TrianglesWithoutAreaHoldTheSurfaceTogether) {
   const auto n = static_cast<std::uint32_t>(mesh.points.size());
   mesh.points.push_back(0.5 * (mesh.points[a] + mesh.points[b]));
   mesh.triangles.insert(mesh.triangles.end(), {{a, n, c}, {n, b, c}, {a, b, n}});
-  const Repaired r = mended(mesh);
-  EXPECT_EQ(r.kind, BodyKind::solid);
+  const Repaired r = expect_solid(mesh, 1, 1e-12);
   EXPECT_EQ(r.steps.cracks + r.patches.size() + r.flat.triangles.size(), 0u);
-  EXPECT_NEAR(volume(r), 1, 1e-12);
 }
 
 // T-junctions alone are cracks. Where scraps stand on the surface, or triangles repeat that are divided
@@ -803,10 +785,9 @@ TEST(Mend, EdgesAreSplitWhereCornersLieOnThem) {
     twice = divided(twice);
     for (const Mesh& post_in_parts : {scraps, twice})
       for (const double grid : {0x1p40, 0x1p22}) {  // as pad and as a file in float round
-        const Repaired r = mended(mapped(
-            post_in_parts, [&](const Point& p) -> Point { return (p * grid).array().round() / grid; }));
-        EXPECT_EQ(r.kind, BodyKind::solid);
-        EXPECT_NEAR(volume(r), volume(post), 20 / grid);
+        const Repaired r = expect_solid(
+            mapped(post_in_parts, [&](const Point& p) -> Point { return (p * grid).array().round() / grid; }),
+            volume(post), 20 / grid);
         EXPECT_GT(r.steps.split, 0u);
         EXPECT_GT(r.steps.joined_width, 0.01 / grid);
         EXPECT_LT(r.steps.joined_width, 4 / grid);
@@ -891,11 +872,9 @@ TEST(Mend, ATwistInABodyTurnsNothingElse) {
   for (int order = 0; order < 20; order++) {
     for (std::size_t k = mesh.triangles.size(); k-- > 1;)
       std::swap(mesh.triangles[k], mesh.triangles[random.below(k + 1)]);
-    const Repaired r = mended(mesh);
-    EXPECT_EQ(r.kind, BodyKind::solid);
+    const Repaired r = expect_solid(mesh, mass_properties(shapes::sphere(4)).volume, 0.02);
     EXPECT_EQ(r.steps.turned, 0u);
     EXPECT_LT(r.steps.sheet_area, 0.3);
-    EXPECT_NEAR(volume(r), mass_properties(shapes::sphere(4)).volume, 0.02);
   }
 }
 
@@ -910,10 +889,8 @@ TEST(Mend, ABodyThatSharesFacesWithAnotherIsSolid) {
   for (const bool hole : {false, true}) {
     Mesh mesh = joined(half, kCube);
     if (hole) mesh.triangles.pop_back();
-    const Repaired r = mended(mesh);
-    EXPECT_EQ(r.kind, BodyKind::solid);
+    const Repaired r = expect_solid(mesh, 1, 1e-12);
     EXPECT_EQ(r.steps.sheet_area, 0);
-    EXPECT_NEAR(volume(r), 1, 1e-12);
   }
 }
 
@@ -951,9 +928,7 @@ TEST(Mend, ABodyWhoseTrianglesFaceBothWaysIsSolid) {
     const auto [a, b, c] = mesh.triangles[t];
     mesh.triangles.push_back({a, c, b});
   }
-  const Repaired r = mended(mesh);
-  EXPECT_EQ(r.kind, BodyKind::solid);
-  EXPECT_NEAR(volume(r), whole, 0.01);
+  expect_solid(mesh, whole, 0.01);
 }
 
 // Cells with walls between them, as of a mesh of finite elements or of a model drawn with faces inside. Their
@@ -971,9 +946,7 @@ TEST(Mend, CellsWithWallsBetweenThemAreOneBody) {
       Mesh mesh = block;
       if (hole) mesh.triangles.erase(mesh.triangles.begin() + 8);  // in the middle of a face outside
       if (with_fin) mesh.add(fin);
-      const Repaired r = mended(mesh);
-      EXPECT_EQ(r.kind, BodyKind::solid);
-      EXPECT_NEAR(volume(r), 8, 1e-12);
+      const Repaired r = expect_solid(mesh, 8, 1e-12);
       EXPECT_NEAR(r.boundary().area(), 24, 1e-12);
       EXPECT_NEAR(r.steps.buried_area, 12, 1e-12);
       EXPECT_NEAR(r.steps.sheet_area, with_fin ? 1 / 3.0 : 0, 1e-12);

@@ -9,7 +9,7 @@
 #include <numbers>
 
 #include "detect/scene/generate.h"
-#include "tests/detect/print.h"
+#include "tests/detect/backends.h"
 #include "tests/error_of.h"
 #include "tools/settle/files.h"
 #include "tools/settle/page/page.h"
@@ -74,19 +74,13 @@ Mass rod(System& s, int n, double radius, double spacing, double density) {
   return mass;
 }
 
-class SettleTest : public testing::TestWithParam<detect::BackendKind> {
+using detect::BackendKind, detect::name_in_one_word;
+
+class SettleTest : public detect::BackendTest {
  protected:
-  void SetUp() override {
-    if (GetParam() == detect::BackendKind::cuda && !detect::cuda_present())
-      GTEST_SKIP() << "there is no GPU that this build can use";
-  }
   static StepperOptions on(int threads = 0, double skin = -1) { return {threads, skin, GetParam()}; }
 };
-INSTANTIATE_TEST_SUITE_P(Backends, SettleTest,
-                         testing::Values(detect::BackendKind::omp, detect::BackendKind::cuda),
-                         [](const auto& backend) {
-                           return backend.param == detect::BackendKind::omp ? "omp" : "cuda";
-                         });
+ON_EVERY_BACKEND(SettleTest);
 
 // A ball meets the floor with speed v. It leaves with e v, without damping after pi / omega_0, and its
 // deepest point is v / omega_0 exp(-b atan(sqrt(1 - b^2) / b) / sqrt(1 - b^2)).
@@ -442,7 +436,7 @@ TEST_P(SettleTest, KeptCandidatesThreadsAndTheSkinChangeNoBit) {
   Stepper every(s, on(1, 0)), kept(s, on(1, -1)), wide(s, on(2, 0.01));
   for (int k = 0; k < 1000; k++) {
     every.step(), kept.step(), wide.step();
-    if (k % 10 == 0 && GetParam() == detect::BackendKind::omp) {
+    if (k % 10 == 0 && GetParam() == BackendKind::omp) {
       ASSERT_EQ(every.touching_pairs(), kept.touching_pairs()) << k;
       ASSERT_EQ(every.touching_pairs(), wide.touching_pairs()) << k;
     }
@@ -608,14 +602,14 @@ TEST(SettlePageTest, LeavesOutFramesWhereItWouldBeLarge) {
 TEST(SettleBackendsTest, GrainsHaveTheSameBitsOnAGpu) {
   if (!detect::cuda_present()) GTEST_SKIP() << "there is no GPU that this build can use";
   const System s = heap(12, 12, 12, 3);
-  Stepper host(s), device(s, {0, -1, detect::BackendKind::cuda});
+  Stepper host(s), device(s, {0, -1, BackendKind::cuda});
   for (int k = 0; k < 20; k++) {
     host.step(50), device.step(50);
     ASSERT_EQ(host.contacts(), device.contacts()) << k;
   }
   expect_same_bits(host, device);
   EXPECT_GT(host.contacts(), 500u);
-  Stepper resumed(s, {0, -1, detect::BackendKind::cuda});
+  Stepper resumed(s, {0, -1, BackendKind::cuda});
   resumed.resume(host.snapshot());
   host.step(300), resumed.step(100), resumed.step(200);
   expect_same_bits(host, resumed);
@@ -651,7 +645,7 @@ TEST(SettleBackendsTest, BodiesMoveAsOnTheHostForAShortTime) {
   host.step(300);
   ASSERT_GT(host.contacts(), 100u);
   if (!detect::cuda_present()) GTEST_SKIP() << "there is no GPU that this build can use";
-  Stepper device(s, {0, -1, detect::BackendKind::cuda}), again(s, {0, 0, detect::BackendKind::cuda});
+  Stepper device(s, {0, -1, BackendKind::cuda}), again(s, {0, 0, BackendKind::cuda});
   device.step(300), again.step(300);
   EXPECT_EQ(host.contacts(), device.contacts());
   expect_same_bits(device, again);
@@ -660,19 +654,15 @@ TEST(SettleBackendsTest, BodiesMoveAsOnTheHostForAShortTime) {
     EXPECT_LT(length(host.system().velocity[m] - device.system().velocity[m]), 1e-6) << m;
   }
   device.step(2000), again.step(1500);
-  Stepper second(s, {0, -1, detect::BackendKind::cuda});
+  Stepper second(s, {0, -1, BackendKind::cuda});
   second.resume(again.snapshot()), second.step(500);
   expect_same_bits(device, second);
 }
 
 TEST(SettleBackendsTest, AGpuThatIsMissingIsSaid) {
   if (detect::cuda_present()) GTEST_SKIP() << "there is a GPU";
-  EXPECT_STREQ(Stepper(heap(2, 2, 2, 1), {0, -1, detect::BackendKind::automatic}).backend(), "omp");
-  EXPECT_TRUE(refuses(
-      [&] {
-        Stepper stepper(heap(2, 2, 2, 1), {0, -1, detect::BackendKind::cuda});
-      },
-      "choose omp"));
+  EXPECT_STREQ(Stepper(heap(2, 2, 2, 1), {0, -1, BackendKind::automatic}).backend(), "omp");
+  EXPECT_TRUE(refuses([&] { Stepper stepper(heap(2, 2, 2, 1), {0, -1, BackendKind::cuda}); }, "choose omp"));
 }
 
 }  // namespace

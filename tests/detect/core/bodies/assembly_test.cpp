@@ -19,27 +19,10 @@ std::vector<Sphere> row_of_spheres(std::uint32_t n) {
   return s;
 }
 
-struct Parts {
-  std::vector<std::vector<Sphere>> assets{row_of_spheres(3), {}, row_of_spheres(200), row_of_spheres(1)};
-  std::vector<Shape> shapes;
-  std::vector<Body> bodies;
-  std::vector<double> loose;
-  std::vector<std::uint8_t> loose_static;
-
-  void add(std::uint32_t shape, bool is_static) {
-    bodies.emplace_back();
-    bodies.back().shape = shape, bodies.back().is_static = is_static;
-  }
-  Input input() {
-    shapes.clear();
-    for (const auto& a : assets) shapes.push_back({a.data(), a.size()});
-    loose.assign(4 * loose_static.size(), 1);
-    Input in;
-    in.shapes = shapes, in.bodies = bodies;
-    in.spheres =
-        spheres_of<double>(loose_static.size(), loose.data(), loose.empty() ? nullptr : loose.data() + 3);
-    in.spheres.center_stride = in.spheres.radius_stride = 4;
-    return in;
+struct Parts : TestBodies {
+  Parts() { assets = {row_of_spheres(3), {}, row_of_spheres(200), row_of_spheres(1)}; }
+  void add(std::uint32_t shape, bool still) {
+    bodies.push_back(body_at(shape, 0, 0, 0)), bodies.back().is_static = still;
   }
 };
 
@@ -58,15 +41,15 @@ TEST(Assembly, EverySphereInOneElementAndWhatMovesComesFirst) {
   for (const auto& [shape, is_static] : std::vector<std::pair<int, bool>>{
            {2, true}, {0, false}, {1, false}, {1, true}, {3, true}, {2, false}, {0, true}})
     parts.add(static_cast<std::uint32_t>(shape), is_static);
-  parts.loose_static = {0, 1, 0, 7};
+  parts.loose.resize(4), parts.is_static = {0, 1, 0, 7};
   const Input input = parts.input();
   Assembly a;
-  a.update(input, parts.loose_static.data());
+  a.update(input, parts.is_static.data());
   EXPECT_EQ(a.body_first, (std::vector<std::uint32_t>{0, 200, 203, 203, 203, 204, 404, 407}));
   // Which sphere stands still, by number.
   std::vector<bool> still;
   for (const Body& b : parts.bodies) still.insert(still.end(), parts.assets[b.shape].size(), b.is_static);
-  for (const std::uint8_t s : parts.loose_static) still.push_back(s != 0);
+  for (const std::uint8_t s : parts.is_static) still.push_back(s != 0);
   std::set<std::uint64_t> seen;
   for (std::size_t k = 0; k < a.elements.size(); k++)
     for (const std::uint64_t number : spheres_of_element(a, a.elements[k])) {
@@ -86,14 +69,14 @@ TEST(Assembly, EverySphereInOneElementAndWhatMovesComesFirst) {
 TEST(Assembly, UpdatedToAnotherScene) {
   Parts parts;
   parts.add(0, false), parts.add(0, true);
-  parts.loose_static = {1, 1};
+  parts.loose.resize(2), parts.is_static = {1, 1};
   Assembly a;
-  a.update(parts.input(), parts.loose_static.data());
+  a.update(parts.input(), parts.is_static.data());
   EXPECT_EQ(a.moving, 1u);
   EXPECT_EQ(a.elements.size(), 4u);
   a.update(parts.input(), nullptr);  // nobody says that loose spheres stand still
   EXPECT_EQ(a.moving, 3u);
-  parts.bodies[1].is_static = false, parts.loose_static.clear();
+  parts.bodies[1].is_static = false, parts.loose.clear(), parts.is_static.clear();
   a.update(parts.input(), nullptr);
   EXPECT_EQ(a.moving, 2u);
   EXPECT_EQ(a.elements.size(), 2u);
@@ -114,7 +97,6 @@ TEST(Assembly, UpdatedToAnotherScene) {
 enum class Kind { even, sizes, far_apart, line, one_point };
 
 std::vector<Sphere> balls_of(Kind kind, std::uint32_t n, Random& random) {
-  std::uniform_real_distribution<double> unit(0, 1);
   std::vector<Sphere> balls;
   for (std::uint32_t k = 0; k < n; k++) {
     Sphere s{40 * unit(random) - 20, 40 * unit(random) - 20, 40 * unit(random) - 20, 0.2 + unit(random)};
@@ -201,7 +183,6 @@ std::vector<std::uint32_t> met(const StaticTable& t, const Sphere& ball) {
 
 TEST(StaticTable, NoBallThatTouchesIsOutOfReach) {
   std::mt19937_64 random = random_of_new_seed();
-  std::uniform_real_distribution<double> unit(0, 1);
   int hashed = 0, levels = 0, whole = 0, touched = 0;
   for (const Kind kind : {Kind::even, Kind::sizes, Kind::far_apart, Kind::line, Kind::one_point})
     for (const std::uint32_t n : {1u, 40u, 2000u}) {

@@ -17,40 +17,17 @@ std::vector<Sphere> rod(std::uint32_t n) {
   return s;
 }
 
-struct Strewn {
-  std::vector<std::vector<Sphere>> assets{rod(100), rod(3), {}};
-  std::vector<Shape> shapes;
-  std::vector<Body> bodies;
-  std::vector<double> loose;
-  std::vector<std::uint8_t> marks;
-
+struct Strewn : TestBodies {
+  Strewn() { assets = {rod(100), rod(3), {}}; }
   void add(std::uint32_t count, std::uint32_t shape, double edge, Random& random) {
-    std::normal_distribution<double> normal;
-    std::uniform_real_distribution<double> unit(0, 1);
     for (std::uint32_t k = 0; k < count; k++) {
-      bodies.emplace_back();
-      bodies.back().shape = shape;
-      rotation_of(normal(random), normal(random), normal(random), normal(random), bodies.back().rotation);
+      bodies.push_back(body_at(shape, 0, 0, 0, random));
       for (double& p : bodies.back().position) p = edge * unit(random);
     }
   }
   void add_loose(std::uint32_t count, double edge, Random& random) {
-    std::uniform_real_distribution<double> unit(0, 1);
-    for (std::uint32_t k = 0; k < count; k++) {
-      for (int c = 0; c < 3; c++) loose.push_back(edge * unit(random));
-      loose.push_back(0.5);
-    }
-  }
-  Input input() {
-    shapes.clear();
-    for (const auto& a : assets) shapes.push_back({a.data(), a.size()});
-    Input in;
-    in.shapes = shapes, in.bodies = bodies;
-    in.spheres =
-        spheres_of<double>(loose.size() / 4, loose.data(), loose.empty() ? nullptr : loose.data() + 3);
-    in.spheres.center_stride = in.spheres.radius_stride = 4;
-    if (!marks.empty()) in.spheres.is_static = marks.data();
-    return in;
+    for (std::uint32_t k = 0; k < count; k++)
+      loose.push_back({edge * unit(random), edge * unit(random), edge * unit(random), 0.5});
   }
   bool first(const BodyCosts& costs) {
     Pieces pieces;
@@ -58,7 +35,7 @@ struct Strewn {
     std::uint64_t spheres = in.spheres.count;
     for (const Body& b : in.bodies) spheres += in.shapes[b.shape].count;
     const auto moving =
-        in.spheres.count - static_cast<std::uint64_t>(std::count(marks.begin(), marks.end(), 1));
+        in.spheres.count - static_cast<std::uint64_t>(std::count(is_static.begin(), is_static.end(), 1));
     const BodyCensus census = census_of(in.shapes, tally_of(in), pieces);
     const double most = most_touching_balls(census, spheres, in.spheres.count, moving, costs);
     return most > 0 && touching_balls(in, 0, pieces) < most;
@@ -105,15 +82,15 @@ TEST(BodyChoice, WhatHasNoOtherWayAndWhatIsCheaper) {
   for (std::size_t k = 0; k < 3; k++) s.bodies[k].is_static = false;
   EXPECT_FALSE(s.first({.ball = 150}));
   s.add_loose(1000, 1e6, random);
-  s.marks.assign(1000, 0);
+  s.is_static.assign(1000, 0);
   EXPECT_FALSE(s.first({.ball = 3})) << "none is static";
-  s.marks.assign(1000, 1);  // in a table that is kept: eight balls are left
+  s.is_static.assign(1000, 1);  // in a table that is kept: eight balls are left
   EXPECT_TRUE(s.first({.ball = 3, .static_each = 100}));
   EXPECT_FALSE(s.first({.ball = 3, .static_each = 200}));
   EXPECT_FALSE(s.first({.ball = 3, .static_call = 1500}));
   s.bodies.clear();
   EXPECT_TRUE(s.first({.ball = 3})) << "nothing moves";
-  s.marks.assign(1000, 0);
+  s.is_static.assign(1000, 0);
   EXPECT_FALSE(s.first({.ball = 3}));
 }
 

@@ -22,12 +22,6 @@ std::vector<Sphere> blob(std::size_t n, double size, double r_low, double r_high
          in(random, r_low, r_high)};
   return s;
 }
-Body turned(Random& random) {
-  std::normal_distribution<double> normal;
-  Body b;
-  rotation_of(normal(random), normal(random), normal(random), normal(random), b.rotation);
-  return b;
-}
 
 // A piece of a body as another piece sees it; with no body, a loose sphere.
 struct Side {
@@ -90,7 +84,7 @@ void check_random(Random& random, double scale, double ratio, double stretch, do
   const std::size_t n = 1 + random() % 130, m = 1 + random() % 130;
   auto one = blob(n, scale, 0.02 * scale, 0.3 * scale, random),
        two = blob(m, scale * ratio, 0.02 * scale * ratio, 0.3 * scale * ratio, random);
-  Body a = turned(random), b = turned(random);
+  Body a = body_at(0, 0, 0, 0, random), b = body_at(0, 0, 0, 0, random);
   for (Body* body : {&a, &b}) {
     if (random() % 4 == 0) continue;  // the other is stretched alone
     for (double& v : body->rotation) v *= 1 + stretch * in(random, -1, 1);
@@ -175,10 +169,10 @@ TEST(Pieces, ARadiusStaysTheSameWhileABodyMoves) {
   const Shape shape[] = {{spheres.data(), spheres.size()}};
   Pieces p;
   p.update(shape);
-  Body body = turned(random);
+  Body body = body_at(0, 0, 0, 0, random);
   const double before = ball_of(body, p.pieces[0]).r;
   for (int k = 0; k < 100; k++) {
-    body = turned(random);
+    body = body_at(0, 0, 0, 0, random);
     for (double& v : body.position) v = in(random, -50, 50);
     EXPECT_EQ(ball_of(body, p.pieces[0]).r, before);
   }
