@@ -2,9 +2,12 @@
 // Writes glTF 2.0 binary. Every sphere is a node that shows a shared mesh of a unit sphere, which every
 // viewer draws. The instanced form has one node for each body, which EXT_mesh_gpu_instancing draws once for
 // each sphere: smaller and faster, but few viewers know it.
+#include <strings.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -119,12 +122,20 @@ class Meshes {
   std::map<Colour, std::size_t> known_;
 };
 
+// Are the coordinates those of a glTF file, whose Y is up?
+bool is_of_gltf(const Model& model) {
+  if (model.robot() || model.bodies.size() != 1) return false;
+  const std::string ending = std::filesystem::path(model.bodies[0].cluster.source.file).extension().string();
+  return strcasecmp(ending.c_str(), ".gltf") == 0 || strcasecmp(ending.c_str(), ".glb") == 0;
+}
+
 // The nodes: a root that turns Z up to glTF's Y up, below it the bodies as their joints hang together, and
 // below each body its spheres.
 class Nodes {
  public:
   Nodes(const Model& model, bool instanced) : model_(model), instanced_(instanced), meshes_(buffer_) {
-    nodes_.push_back({{"name", model.name}, {"rotation", {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)}}});
+    nodes_.push_back({{"name", model.name}});
+    if (!is_of_gltf(model)) nodes_[0]["rotation"] = {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)};
     std::vector<std::size_t> at;
     for (const Body& b : model.bodies) {
       at.push_back(nodes_.size());

@@ -115,6 +115,17 @@ TEST_F(ScenesTest, GlbStandsUprightAndShowsEverySphereByANode) {
   EXPECT_EQ(colours.size(), 3u);
 }
 
+// So that the spheres lie over the part in a viewer.
+TEST_F(ScenesTest, APartOfAGltfIsNotTurned) {
+  Cluster c = brick();
+  for (const auto& [file, turned] :
+       {std::pair("part.gltf", false), {"part.GLB", false}, {"part.obj", true}}) {
+    c.source.file = file;
+    for (const char* format : {"glb", "glb-instanced"})
+      EXPECT_EQ(Glb(text(model_of(c), "b.glb", format)).j["nodes"][0].contains("rotation"), turned) << file;
+  }
+}
+
 TEST_F(ScenesTest, GlbInstancedHasOneNodeABody) {
   Cluster c = brick();
   c.family = 7, c.mask = 0x00f00000;
