@@ -348,10 +348,11 @@ class MjcfReader {
     return links;
   }
 
-  // Of a mesh or a shell only a stated mass is known.
+  // Of a mesh or a shell only a stated mass is known, or else the density.
   struct Weight {
     std::optional<double> mass;
     std::optional<Inertial> inertial;
+    double density = 0;  // if it is stated, and no mass is
   };
 
   // As MuJoCo weighs the geom.
@@ -362,32 +363,37 @@ class MjcfReader {
     const double mass = file_.number(e, "mass", -1);  // below 0: none is stated
     const bool counts = !range || range->size() != 2 || (group >= (*range)[0] && group <= (*range)[1]);
     if (!counts || mass == 0 || (mass < 0 && density == 0)) return {0, Inertial{}};
+    const double stated = mass < 0 && e.attribute("density") ? density : 0;
     const std::string type = e.text("type", "sphere");
     if (e.attribute("mesh") || type == "mesh" || type == "sdf" || e.text("shellinertia") == "true")
-      return {mass > 0 ? std::optional(mass) : std::nullopt, {}};
+      return {mass > 0 ? std::optional(mass) : std::nullopt, {}, stated};
     const RobotShape shape = shape_of(geom);
     const Inertial solid =
         reading::solid_inertia(shape, mass > 0 ? mass : density * reading::volume_of(shape));
-    return {solid.mass, solid};
+    return {solid.mass, solid, stated};
   }
 
   // MuJoCo gives a body without <inertial> the mass of its geoms, those to look at included.
   void add_masses() {
     std::map<std::size_t, std::vector<Inertial>> parts;
+    std::map<std::size_t, std::set<double>> densities;
     std::set<std::size_t> without_mass, without_moments;
     for (const Geom& geom : geoms_) {
       if (geom.link == 0 || robot_.model.bodies[geom.link].inertial) continue;  // the world has no mass
       const Weight weight = weight_of(geom);
       parts[geom.link].push_back(weight.inertial.value_or(Inertial{weight.mass.value_or(0)}));
+      if (weight.mass != 0.) densities[geom.link].insert(weight.density);
       if (!weight.mass) without_mass.insert(geom.link);
       if (!weight.inertial) without_moments.insert(geom.link);
     }
-    std::vector<std::string> shaped, padded, bare;
+    std::vector<std::string> shaped, padded, bare, dense;
     for (const auto& [index, geoms] : parts) {
       RobotLink& link = robot_.links[index];
       const Inertial sum = reading::sum_of(geoms);
       if (without_moments.contains(index) && link.shapes.empty())
         bare.push_back(link.name);
+      else if (without_mass.contains(index) && densities[index].size() == 1 && *densities[index].begin() > 0)
+        dense.push_back(link.name), link.density = *densities[index].begin();
       else if (without_mass.contains(index))
         padded.push_back(link.name);
       else if (without_moments.contains(index))
@@ -395,10 +401,15 @@ class MjcfReader {
       else if (sum.mass > 0 || !link.shapes.empty())  // 0 is said only where spheres would get another mass
         robot_.model.bodies[index].inertial = sum;
     }
-    scale_masses(padded.empty() ? bare : padded);
+    scale_masses(!padded.empty() ? padded : !dense.empty() ? dense : bare);
     if (!shaped.empty())
       note("bodies whose geoms state a mass, and whose moments follow from the shape that is padded: " +
            first_few(shaped));
+    if (!dense.empty())
+      note(
+          "bodies whose geoms state a density, and whose mass follows from it and the shape that is "
+          "padded: " +
+          first_few(dense));
     if (!padded.empty())
       note(
           "bodies without <inertial> that have meshes or shells, so that their mass follows from a density "
