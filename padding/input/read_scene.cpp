@@ -399,9 +399,6 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
                     "): check that the file is whole, beside the files it refers to, and has the ending of "
                     "its format");
 
-  // The root has the scale of COLLADA's unit alone. Below 0 it would mirror the part.
-  if (ending == ".dae" && !(scene->mRootNode->mTransformation.a1 > 0))
-    fail(where, "its <unit> is not of more than 0 metres: mend the attribute `meter`");
   double factor = 1;
   soup.unit = unit_of(*scene, ending, factor);
   std::vector<std::pair<const aiNode*, Eigen::Matrix4d>> nodes,

@@ -223,7 +223,7 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
             "\"s.csv\"}] (see detect --help)\n");
   write_file(folder_ / "arm.urdf", "<?xml version=\"1.0\"?><robot name='r'/>");
   EXPECT_EQ(run("arm.urdf").err,
-            "detect: arm.urdf: it is not JSON, as it begins with '<?xml version=\"1.0\"?': a scene or a "
+            "detect: arm.urdf: it is not JSON, as it begins with '<?xml version=\"1.0\"?…': a scene or a "
             "cluster of padder is wanted; pad makes a cluster of a mesh or a robot\n");
 }
 

@@ -487,9 +487,9 @@ TEST_F(Read, ColladaHasItsUnitAndItsStrips) {
     EXPECT_EQ(r.mesh.triangles.size(), 4u) << "two instances";
     EXPECT_NEAR(r.mesh.area(), 2 * length * length, 1e-6 * length * length);
   }
-  for (const char* metres : {"-1", "0"})
-    expect_fault(put("u.dae", dae("<unit meter=\"" + std::string(metres) + "\"/>")),
-                 "its <unit> is not of more than 0");
+  for (const std::string metres : {"-1", "0", "abc", "0,01", "1 2", "", "nan", "1e-60"})
+    expect_fault(put("u.dae", dae("<unit meter=\"" + metres + "\"/>")),
+                 "its <unit> is of '" + metres + "' metres, and a number above 0 is wanted");
   // The coordinates of the file, whichever way it says is up: as ROS shows it, and as the STL beside it.
   for (const char* up :
        {"", "<up_axis>X_UP</up_axis>", "<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>"}) {
