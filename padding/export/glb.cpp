@@ -77,14 +77,6 @@ float as_float(std::uint32_t value, const std::string& body, const char* what) {
   return f;
 }
 
-float as_length(double value, const std::string& body) {
-  const float f = static_cast<float>(value);
-  if (!std::isfinite(f) || (value != 0 && f == 0))
-    throw Error("a .glb holds numbers as float32, which cannot hold the length " + number(value) + " of " +
-                body + ": give the mesh a --unit or a --scale");
-  return f;
-}
-
 // A material for each colour of a family, and a mesh of the unit sphere in it. All meshes share one geometry.
 class Meshes {
  public:
@@ -178,6 +170,7 @@ class Nodes {
   void add_spheres(const Body& body, std::size_t node) {
     const Cluster& c = body.cluster;
     const std::size_t mesh = meshes_.of_family(c.family);
+    check_floats(body, Eigen::Isometry3d::Identity(), ".glb");
     if (instanced_) {
       add_instances(body, nodes_[node], mesh);
       return;
@@ -186,8 +179,8 @@ class Nodes {
     for (std::size_t k = 0; k < c.size(); k++) {
       Json place = Json::array(), scale = Json::array();
       for (int x = 0; x < 3; x++) {
-        place.push_back(as_length(c.centers[k][x], body.name));
-        scale.push_back(as_length(c.radii[k], body.name));
+        place.push_back(static_cast<float>(c.centers[k][x]));
+        scale.push_back(static_cast<float>(c.radii[k]));
       }
       nodes_[node]["children"].push_back(nodes_.size());
       nodes_.push_back({{"mesh", mesh}, {"translation", place}, {"scale", scale}});
@@ -198,8 +191,8 @@ class Nodes {
     const Cluster& c = body.cluster;
     std::vector<float> translation, scale;
     for (std::size_t k = 0; k < c.size(); k++) {
-      for (int x = 0; x < 3; x++) translation.push_back(as_length(c.centers[k][x], body.name));
-      scale.insert(scale.end(), 3, as_length(c.radii[k], body.name));
+      for (int x = 0; x < 3; x++) translation.push_back(static_cast<float>(c.centers[k][x]));
+      scale.insert(scale.end(), 3, static_cast<float>(c.radii[k]));
     }
     const auto same = [&](std::uint32_t value, const char* what) {
       return buffer_.add(std::vector<float>(c.size(), as_float(value, body.name, what)), 1, 0, false);
