@@ -9,6 +9,7 @@ namespace padder::detect {
 namespace {
 
 std::unique_ptr<Backend> make_backend(const DeviceChoice& choice) {
+  check_enum("DeviceChoice::backend", choice.backend, BackendKind::cuda);
   if (choice.backend == BackendKind::cuda ||
       (choice.backend == BackendKind::automatic && cuda_absence(choice.device).empty()))
     return make_cuda_backend(choice.device);
@@ -78,6 +79,7 @@ const Contacts& Detector::detect(const Input& input) {
 
 WorldAnswers Detector::detect_worlds(const Input& input, std::uint32_t worlds, Answer answer) {
   return call([&](Backend& backend) {
+    check_enum("Answer", answer, Answer::distance);
     const auto read_poses = [&] { return backend.device_poses(input, options_); };
     return backend.detect_worlds(revision_->resolve(input, read_poses), options_, worlds, answer);
   });

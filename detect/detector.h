@@ -157,8 +157,8 @@ struct CallOptions {
   // grid path of a GPU computes f32 records in float, with a relative error of up to 4e-7: from float
   // spheres, or from differences of other spheres that are taken in double.
   Scalar scalar = Scalar::f32;
-  Memory output = Memory::host;       // where the list of contacts is to lie
-  double bin_size = 0;                // edge of the (finest) bins; 0: chosen by the detector
+  Memory output = Memory::host;  // where the list of contacts is to lie; device: of the CUDA backend alone
+  double bin_size = 0;           // edge of the (finest) bins; 0: chosen by the detector
   Bodies bodies = Bodies::automatic;  // the contacts are the same either way
   Region own;                         // only contacts whose midpoint lies inside are reported
   // All pairs whose gap is at most this are contacts, not only those that touch; the depth of a pair that

@@ -343,8 +343,10 @@ PaddedRobot pad_robot(const fs::path& path, RobotTree robot, const PadOptions& a
   }
   for (std::size_t k = 0; k < robot.links.size(); k++) {
     robot.model.bodies[k].cluster.name = robot.links[k].name;
-    if (const double mass = robot.links[k].mass; mass > 0)
-      robot.model.bodies[k].inertial = inertial_for(robot.model.bodies[k].cluster, mass);
+    const Cluster& c = robot.model.bodies[k].cluster;
+    const double stated = robot.links[k].mass,
+                 mass = stated > 0 ? stated : robot.links[k].density * c.mass.volume;
+    if (mass > 0) robot.model.bodies[k].inertial = inertial_for(c, mass);
   }
   for (Apart& pair : self_collisions(robot.model, {.poses = whole.poses})) robot.model.apart.push_back(pair);
   out.model = std::move(robot.model);

@@ -47,8 +47,10 @@ inline void refuse_options(const CLI::App& app, std::initializer_list<const char
 inline void refuse_empty(const CLI::App& app) {
   for (const CLI::Option* option : app.get_options())
     for (const std::string& text : option->results())
-      if (text.empty() && !option->get_positional())
-        throw UsageError(option->get_name() + " is empty: say what it is to be, or leave it out");
+      if (text.empty())
+        throw UsageError(
+            option->get_name() + " is empty: " +
+            (option->get_positional() ? "name a file" : "say what it is to be, or leave it out"));
   for (const CLI::App* sub : app.get_subcommands()) refuse_empty(*sub);
 }
 

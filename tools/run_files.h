@@ -13,6 +13,7 @@
 #include <unordered_set>
 
 #include "padding/asset/error.h"
+#include "padding/asset/file.h"
 #include "tools/cli.h"
 
 namespace padder::cli {
@@ -34,7 +35,7 @@ class RunFiles {
 
  private:
   static std::string identity(const std::filesystem::path& file) {
-    std::filesystem::path place = file;
+    std::filesystem::path place = behind_links(file);
     struct stat about {};
     if (::stat(place.c_str(), &about) != 0) {
       std::error_code code;
@@ -55,12 +56,12 @@ class RunFiles {
 // would be too late. Of folders that the run makes, the first that is there above them counts.
 inline void check_writable(const std::filesystem::path& file, bool makes_folders = false) {
   struct stat about {};
-  if (::stat(file.c_str(), &about) == 0 && S_ISDIR(about.st_mode))
+  int error = ::stat(file.c_str(), &about) == 0 || errno == ENOENT ? 0 : errno;
+  if (error == 0 && S_ISDIR(about.st_mode))
     throw Error("cannot write " + file.string() + ": it is a folder, so name a file");
   std::error_code code;
-  std::filesystem::path folder = std::filesystem::absolute(file, code).parent_path();
-  int error = 0;
-  while (::stat(folder.c_str(), &about) != 0 && error == 0)
+  std::filesystem::path folder = std::filesystem::absolute(behind_links(file), code).parent_path();
+  while (error == 0 && ::stat(folder.c_str(), &about) != 0)
     if (error = errno; makes_folders && error == ENOENT && folder.has_relative_path())
       folder = folder.parent_path(), error = 0;
   if (error == 0 && !S_ISDIR(about.st_mode)) error = ENOTDIR;

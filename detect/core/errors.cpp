@@ -15,8 +15,17 @@ std::string formatted(double v) {
   return text;
 }
 
+void check_enum(const char* name, unsigned value, unsigned last) {
+  if (value > last)
+    throw Error(std::string(name) + " is " + std::to_string(value) + ", and its values are 0 to " +
+                std::to_string(last) + ": use one of their names");
+}
+
 BodyTally check_arrays(const Input& input, bool known) {
   const Spheres& s = input.spheres;
+  check_enum("Spheres::scalar", s.scalar, Scalar::f64);
+  check_enum("Spheres::memory", s.memory, Memory::device);
+  check_enum("Input::pose_memory", input.pose_memory, Memory::device);
   BodyTally bodies;
   if (!known) bodies = tally_of(input);
   for (std::size_t k = 0; k < input.shapes.size(); k++)
@@ -48,6 +57,13 @@ BodyTally check_input(const Input& input, bool device_memory_allowed, bool known
 }
 
 void check_options(const CallOptions& o) {
+  check_enum("CallOptions::path", o.path, Path::nine_stages);
+  check_enum("CallOptions::precision", o.precision, Precision::float32);
+  check_enum("CallOptions::order", o.order, Order::any);
+  check_enum("CallOptions::width", o.width, Width::points);
+  check_enum("CallOptions::scalar", o.scalar, Scalar::f64);
+  check_enum("CallOptions::output", o.output, Memory::device);
+  check_enum("CallOptions::bodies", o.bodies, Bodies::expanded);
   if (!(o.bin_size >= 0 && o.bin_size <= kLargest))
     throw Error("the bin size must be 0 (chosen) or a positive length up to 1e100, not " +
                 formatted(o.bin_size));
@@ -116,9 +132,12 @@ std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world,
          (worlds == 0 ? "no world" : "worlds 0 to " + std::to_string(worlds - 1)) + ": ask for more worlds";
 }
 
-MemoryError::MemoryError(std::uint64_t bytes, const char* what, const char* where)
+MemoryError::MemoryError(std::uint64_t bytes, const char* what, const char* where, std::uint64_t limit)
     : Error(std::to_string(bytes) + " bytes of " + where + " memory are needed for " + what +
-            ", but are not available: " +
+            // The host's arrays are rounded up to 64 bytes.
+            (limit > 0 && (bytes + 63) / 64 * 64 > limit
+                 ? ", but CallOptions::memory_limit is " + std::to_string(limit) + ": raise it, "
+                 : ", but are not available: ") +
             // Of the nine stages: an entry for each bin that a sphere touches.
             (std::string_view(what).ends_with("array B")
                  ? "choose larger bins (--bin-size) or the fast path"

@@ -14,6 +14,12 @@ namespace padder::detect {
 // A number as the sentences show it: up to nine significant digits.
 std::string formatted(double v);
 
+// Throws Error for a value above `last`, the last of its enumeration, as only a cast makes it.
+void check_enum(const char* name, unsigned value, unsigned last);
+template <class Enum>
+void check_enum(const char* name, Enum value, Enum last) {
+  check_enum(name, static_cast<unsigned>(value), static_cast<unsigned>(last));
+}
 // Throws Error for options that no backend can carry out.
 void check_options(const CallOptions& options);
 // Throws Error for options that only one detector can carry out, and not one for each box of space.
@@ -36,10 +42,12 @@ std::string fault_sentence(std::uint64_t index, const Sphere& sphere, const Inpu
 // A body (or a loose sphere) is in a world that detect_worlds() was not asked for.
 std::string world_sentence(bool loose, std::uint64_t index, std::uint32_t world, std::uint32_t worlds);
 
-// There is not enough memory. Says how much is missing, for what, and what the caller can do.
+// There is not enough memory, or the limit of the call does not allow what is needed. Says how much is
+// needed, for what, and what the caller can do.
 class MemoryError : public Error {
  public:
-  MemoryError(std::uint64_t bytes_needed, const char* what, const char* where);  // where: host or GPU
+  // where: host or GPU. limit: CallOptions::memory_limit where it counts, else 0.
+  MemoryError(std::uint64_t bytes_needed, const char* what, const char* where, std::uint64_t limit);
 };
 
 }  // namespace padder::detect

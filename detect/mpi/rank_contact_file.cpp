@@ -16,7 +16,7 @@ constexpr std::size_t kBlock = 4 << 20;  // bytes written at once: each block ta
 
 RankContactFile::RankContactFile(MPI_Comm ranks, const std::filesystem::path& path, Width width,
                                  Scalar scalar)
-    : path_(path), beside_(path), records_(width, scalar) {
+    : path_(path), target_(behind_links(path)), beside_(target_), records_(width, scalar) {
   check_streamed_ending(path);
   MPI_Comm_dup(ranks, &ranks_);
   MPI_Comm_rank(ranks_, &rank_);
@@ -98,7 +98,7 @@ void RankContactFile::finish() {
   together(ranks_, [&] { mpi_check(closed, ("write " + path_.string()).c_str()); });
   together(ranks_, [&] {
     std::error_code error;
-    if (rank_ == 0) std::filesystem::rename(beside_, path_, error);
+    if (rank_ == 0) std::filesystem::rename(beside_, target_, error);
     if (error) throw Error("cannot write " + path_.string() + " (" + error.message() + ")");
   });
 }

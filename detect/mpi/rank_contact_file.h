@@ -38,7 +38,7 @@ class RankContactFile {
 
   MPI_Comm ranks_ = MPI_COMM_NULL;
   int rank_ = 0;
-  std::filesystem::path path_, beside_;
+  std::filesystem::path path_, target_, beside_;  // as in FileWriter
   ContactRecords records_;
   std::optional<UnfinishedFile> unfinished_;  // on rank 0
   MPI_File file_ = MPI_FILE_NULL;

@@ -45,9 +45,11 @@ bool Budget::take(std::uint64_t bytes) {
   return ok;
 }
 
-void throw_memory(std::uint64_t bytes, const char* what) { throw MemoryError(bytes, what, "host"); }
-void throw_memory(std::uint64_t bytes, std::uint64_t entries, const char* what) {
-  throw_memory(bytes, (std::to_string(entries) + " " + what).c_str());
+void throw_memory(const Budget& budget, std::uint64_t bytes, const char* what) {
+  throw MemoryError(bytes + budget.held(), what, "host", budget.limit());
+}
+void throw_memory(const Budget& budget, std::uint64_t bytes, std::uint64_t entries, const char* what) {
+  throw_memory(budget, bytes, (std::to_string(entries) + " " + what).c_str());
 }
 
 Stopwatch::Stopwatch() : last_(omp_get_wtime()) {}
@@ -267,6 +269,10 @@ class OmpBackend final : public Backend {
 
  private:
   void begin(const CallOptions& options) {
+    if (options.output == Memory::device)
+      throw Error(
+          "the contacts are to lie in device memory (CallOptions::output), which the OpenMP backend has not: "
+          "ask for host memory or choose cuda");
     if (options.memory_limit && budget_.held() > options.memory_limit)  // the limit was lowered
     {
       kept_ = nullptr, kept_ = std::make_unique<Kept>(budget_);

@@ -67,7 +67,7 @@ class PartLists {
     for (const List<T>& l : lists_) total += l.total();
     size_ = 0;
     for (Part& p : parts_) p.place = size_, size_ += p.count;
-    if (size_ < total) throw_memory(total * sizeof(T) + budget_->held(), total, what_);
+    if (size_ < total) throw_memory(*budget_, total * sizeof(T), total, what_);
   }
   std::uint64_t size() const { return size_; }  // of all parts together
 

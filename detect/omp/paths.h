@@ -19,6 +19,7 @@ class Budget {
   // Begins a call. What the call takes counts against the memory that is free at its first large allocation,
   // because Linux shows memory as used only when it has been written to.
   void begin(std::uint64_t limit) { limit_ = limit, free_ = taken_ = 0; }
+  std::uint64_t limit() const { return limit_; }
   std::uint64_t held() const { return held_.load(std::memory_order_relaxed); }
   bool take(std::uint64_t bytes);  // false: there is not so much
   void give(std::uint64_t bytes) { held_.fetch_sub(bytes, std::memory_order_relaxed); }
@@ -74,12 +75,14 @@ class Buffer {
   std::uint64_t capacity_ = 0, bytes_ = 0;
 };
 
-[[noreturn]] void throw_memory(std::uint64_t bytes, const char* what);
+// Of so many bytes beside what the budget holds.
+[[noreturn]] void throw_memory(const Budget& budget, std::uint64_t bytes, const char* what);
 // For a list of so many entries; `what` is the word for them.
-[[noreturn]] void throw_memory(std::uint64_t bytes, std::uint64_t entries, const char* what);
+[[noreturn]] void throw_memory(const Budget& budget, std::uint64_t bytes, std::uint64_t entries,
+                               const char* what);
 template <class T>
 T* Buffer<T>::resize(std::uint64_t n, const char* what) {
-  if (!try_resize(n)) throw_memory(n * sizeof(T) + budget_->held(), what);
+  if (!try_resize(n)) throw_memory(*budget_, n * sizeof(T), what);
   return data_;
 }
 
@@ -145,13 +148,15 @@ Summary summarize(const View<T>& spheres, int threads);
 // The arrays of contacts. They are kept from call to call.
 struct Records {
   // `what`: what a sentence about missing memory calls them.
-  explicit Records(Budget& b, const char* name = "contacts") : what(name), pairs(b), normals(b), points(b) {}
+  explicit Records(Budget& b, const char* name = "contacts")
+      : budget(&b), what(name), pairs(b), normals(b), points(b) {}
+  const Budget* budget;
   const char* what;
   Buffer<Pair> pairs;
   Buffer<std::byte> normals, points;
   std::uint64_t count = 0;
 
-  // Makes room for n records. Throws Error with the bytes that they need.
+  // Makes room for n records, or throws MemoryError.
   void resize(std::uint64_t n, const CallOptions& options);
   // Writes record k, of a contact between the spheres with numbers a and b. The smaller number comes first.
   void write(std::uint64_t k, std::uint32_t a, std::uint32_t b, const Sphere& sa, const Sphere& sb,

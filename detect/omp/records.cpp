@@ -94,7 +94,7 @@ void Records::resize(std::uint64_t n, const CallOptions& o) {
   const std::uint64_t normal = record_bytes(o, false), point = record_bytes(o, true);
   count = 0;
   if (!pairs.try_resize(n) || !normals.try_resize(n * normal) || !points.try_resize(n * point))
-    throw_memory(n * (sizeof(Pair) + normal + point), n, what);
+    throw_memory(*budget, n * (sizeof(Pair) + normal + point), n, what);
   count = n;
 }
 

@@ -219,7 +219,8 @@ std::uint64_t Scene::size() const {
 }
 
 Scene scene_from_json(std::string_view text, const std::string& where, const std::filesystem::path& folder) {
-  return scene_of(parse_json<Json>(text, where), where, folder, LooseAs::memory);
+  const Json json = parse_json<Json>(text, where, "a scene of padder is wanted, as docs/scenes.md shows it");
+  return scene_of(json, where, folder, LooseAs::memory);
 }
 
 Scene read_scene(const std::filesystem::path& path) {
@@ -300,7 +301,8 @@ Scene read_scene_or_cluster(const std::filesystem::path& path, std::uint64_t cop
 
 Scene scene_or_cluster_from_json(std::string_view text, const std::string& where,
                                  const std::filesystem::path& folder, std::uint64_t copies, LooseAs loose) {
-  const Json json = parse_json<Json>(text, where);
+  const Json json = parse_json<Json>(
+      text, where, "a scene or a cluster of padder is wanted; pad makes a cluster of a mesh or a robot");
   if (json.is_object() && json.value("format", Json()) == "padder.cluster")
     return pile_of(cluster_from_json(text, where), copies ? copies : 1);
   refuse_copies(copies, where, "a scene lists its bodies itself");

@@ -283,7 +283,8 @@ double metres(const std::string& unit) {
 }
 
 Cluster cluster_from_json(std::string_view text, const std::string& where) {
-  const Json document = parse_json<Json>(text, where);
+  const Json document =
+      parse_json<Json>(text, where, "a cluster of padder is wanted, which pad makes of a mesh or a robot");
   const Place p(document, where);
   const auto is = [&](const char* key, const Json& value) { return p.has(key) && p.at(key).json() == value; };
   require(is("format", "padder.cluster"), where, "not a cluster: \"format\" must be \"padder.cluster\"");

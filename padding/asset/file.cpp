@@ -51,14 +51,6 @@ struct Unfinished {
 };
 Unfinished unfinished[64];
 
-// Throws Error for what a file must not replace, also through a link.
-void refuse_devices(const std::filesystem::path& path) {
-  struct stat about {};
-  if (::stat(path.c_str(), &about) == 0 && !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode))
-    throw Error("cannot write " + path.string() +
-                ": it is a device, a pipe or a socket: name a regular file, or - for the standard output");
-}
-
 }  // namespace
 
 UnfinishedFile::UnfinishedFile(const std::filesystem::path& path) {
@@ -81,7 +73,16 @@ void remove_unfinished_files() noexcept {
     if (u.state == 2) ::unlink(u.name);
 }
 
+std::filesystem::path behind_links(const std::filesystem::path& path) {
+  std::filesystem::path file = path;
+  std::error_code code;
+  for (int k = 0; k < 40 && std::filesystem::is_symlink(file, code); k++)  // Linux follows 40
+    file = file.parent_path() / std::filesystem::read_symlink(file, code);
+  return file;
+}
+
 std::string read_file(const std::filesystem::path& path, std::uintmax_t most) {
+  if (path.empty()) throw Error("the name of the file to read is empty: name one");
   const std::string name = excerpt(path.string(), 4096);
   const Handle file(path);
   struct stat about {};
@@ -103,8 +104,15 @@ std::string read_file(const std::filesystem::path& path, std::uintmax_t most) {
   return bytes;
 }
 
-FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_(path) {
-  refuse_devices(path);
+FileWriter::FileWriter(const std::filesystem::path& path)
+    : path_(path), target_(behind_links(path)), beside_(target_) {
+  struct stat about {};
+  const bool is_there = ::stat(path.c_str(), &about) == 0;
+  // Not only a circle of links: in a shared folder the system does not follow those of strangers.
+  if (!is_there && errno != ENOENT) fail(errno);
+  if (is_there && !S_ISREG(about.st_mode) && !S_ISDIR(about.st_mode))
+    throw Error("cannot write " + path.string() +
+                ": it is a device, a pipe or a socket: name a regular file, or - for the standard output");
   // The process id keeps two runs that write the same asset at once out of each other's half-written file.
   beside_ += ".part" + std::to_string(::getpid());
   unfinished_.emplace(beside_);  // before it is there: a signal may come in between
@@ -113,11 +121,8 @@ FileWriter::FileWriter(const std::filesystem::path& path) : path_(path), beside_
   const auto open = [&] { return ::open(beside_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666); };
   file_ = open();
   if (file_ < 0 && errno == EEXIST && ::unlink(beside_.c_str()) == 0) file_ = open();
-  if (file_ >= 0) {
-    if (struct stat about{}; ::stat(path_.c_str(), &about) == 0) (void)::fchmod(file_, about.st_mode & 07777);
-    return;
-  }
-  fail(errno);
+  if (file_ < 0) fail(errno);
+  if (is_there) (void)::fchmod(file_, about.st_mode & 07777);
 }
 
 FileWriter::~FileWriter() {
@@ -165,7 +170,7 @@ std::uint64_t FileWriter::size() const noexcept {
 
 void FileWriter::commit() {
   // Some file systems say only on closing that there is no room.
-  if (::close(std::exchange(file_, -1)) == 0 && ::rename(beside_.c_str(), path_.c_str()) == 0) return;
+  if (::close(std::exchange(file_, -1)) == 0 && ::rename(beside_.c_str(), target_.c_str()) == 0) return;
   const int error = errno;
   ::unlink(beside_.c_str());
   fail(error);

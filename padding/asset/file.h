@@ -29,6 +29,10 @@ class DiskError : public Error {
 // answer.
 std::string read_file(const std::filesystem::path& path, std::uintmax_t most = kMostBytes);
 
+// The file that a name leads to: links are followed, also to what is not there yet. The name itself where it
+// is no link, and some link of a circle.
+std::filesystem::path behind_links(const std::filesystem::path& path);
+
 // Removes what the process has in the making, as a handler of SIGINT does before it ends the process. It
 // calls only what a signal handler may call. Knows of 64 files at a time, with names of up to 4000 bytes.
 void remove_unfinished_files() noexcept;
@@ -48,10 +52,10 @@ class UnfinishedFile {
 // A file that is written in portions, so that its content need not be held as a whole. It grows beside its
 // target, in the same folder, and commit() renames it to the target: a reader sees the old file or the new
 // one, never half of it. The destructor removes a file that was not committed, and so does
-// remove_unfinished_files(). A link of that name is replaced, and what it leads to is untouched; the new file
-// has the old one's mode. Every function throws Error if the folder is absent, full or not writable, and the
-// constructor if the target is a device, a pipe or a socket, or a link to one. The sentence names the target
-// and what the system said. After that the writer must not be used.
+// remove_unfinished_files(). If the name is a link, the target is the file that it leads to, and the link
+// stays; the new file has the old one's mode. Every function throws Error if the folder is absent, full or
+// not writable, and the constructor if the target is a device, a pipe or a socket, or a link to one. The
+// sentence names the file as it was given and what the system said. After that the writer must not be used.
 class FileWriter {
  public:
   explicit FileWriter(const std::filesystem::path& path);
@@ -76,7 +80,7 @@ class FileWriter {
  private:
   [[noreturn]] void fail(int error) const;
 
-  std::filesystem::path path_, beside_;
+  std::filesystem::path path_, target_, beside_;  // as it was given, where it is, and the file in the making
   std::optional<UnfinishedFile> unfinished_;
   int file_ = -1;
   std::uint64_t end_ = 0;

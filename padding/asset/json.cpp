@@ -30,7 +30,8 @@ std::string key_text(std::string_view key) { return '"' + excerpt(key) + '"'; }
 template <class Json>
 class Builder : public nlohmann::json_sax<Json> {
  public:
-  Builder(std::string_view text, const std::string& where) : text_(text), where_(where) {}
+  Builder(std::string_view text, const std::string& where, const char* wanted)
+      : text_(text), where_(where), wanted_(wanted) {}
 
   Json document;
 
@@ -59,6 +60,9 @@ class Builder : public nlohmann::json_sax<Json> {
     return fault(byte, token, e.id == kOverflow);
   }
   bool fault(std::size_t byte, const std::string& token, bool overflow) const {
+    const bool begun = !open_.empty() || !document.is_null();
+    if (!begun && !overflow && byte <= text_.size())
+      throw Error(where_ + ": it is not JSON, as it begins with '" + excerpt(text_, 20) + "': " + wanted_);
     const std::size_t end = std::min(byte, text_.size());
     const std::string at = " at byte " + std::to_string(byte) + " (line " +
                            std::to_string(1 + std::count(text_.begin(), text_.begin() + end, '\n')) + ")";
@@ -182,6 +186,7 @@ class Builder : public nlohmann::json_sax<Json> {
 
   std::string_view text_;
   const std::string& where_;
+  const char* wanted_;
   std::vector<Level> open_;
   bool keyed_ = false;  // a key has come, and not yet its value
 };
@@ -248,17 +253,18 @@ std::optional<To> whole_value(const Json& json) {
 }  // namespace
 
 template <class Json>
-bool receive_json(ChildPipe& pipe, Json& document, std::string_view text, const std::string& where) {
-  Builder<Json> builder(text, where);
+bool receive_json(ChildPipe& pipe, Json& document, std::string_view text, const std::string& where,
+                  const char* wanted) {
+  Builder<Json> builder(text, where, wanted);
   const bool whole = builder.receive(pipe);
   document = std::move(builder.document);
   return whole;
 }
 
 template <class Json>
-Json parse_json(std::string_view text, const std::string& where) {
+Json parse_json(std::string_view text, const std::string& where, const char* wanted) {
   if (reads_here()) {
-    Builder<Json> builder(text, where);
+    Builder<Json> builder(text, where, wanted);
     Json::sax_parse(text, &builder);
     return std::move(builder.document);
   }
@@ -268,7 +274,7 @@ Json parse_json(std::string_view text, const std::string& where) {
     Json::sax_parse(text, &sender);
     return pipe.put(kEnd);
   };
-  const auto receive = [&](ChildPipe& pipe) { return receive_json(pipe, document, text, where); };
+  const auto receive = [&](ChildPipe& pipe) { return receive_json(pipe, document, text, where, wanted); };
   in_child([] {}, send, receive, text.size(), where);
   return document;
 }
@@ -368,10 +374,11 @@ void JsonPlace<Json>::reals(double* to, std::size_t count) const {
   for (std::size_t k = 0; k < count; k++) to[k] = at(k).real();
 }
 
-template bool receive_json(ChildPipe&, nlohmann::json&, std::string_view, const std::string&);
-template bool receive_json(ChildPipe&, nlohmann::ordered_json&, std::string_view, const std::string&);
-template nlohmann::json parse_json(std::string_view, const std::string&);
-template nlohmann::ordered_json parse_json(std::string_view, const std::string&);
+template bool receive_json(ChildPipe&, nlohmann::json&, std::string_view, const std::string&, const char*);
+template bool receive_json(ChildPipe&, nlohmann::ordered_json&, std::string_view, const std::string&,
+                           const char*);
+template nlohmann::json parse_json(std::string_view, const std::string&, const char*);
+template nlohmann::ordered_json parse_json(std::string_view, const std::string&, const char*);
 template class JsonPlace<nlohmann::json>;
 template class JsonPlace<nlohmann::ordered_json>;
 

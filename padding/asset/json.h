@@ -13,14 +13,18 @@ namespace padder {
 
 // Parses a document. Throws Error, which begins with `where`, for text that is not JSON, for a number too
 // large for a double, for a key twice in one object (it would be a guess which one counts) and for more than
-// 64 levels of nesting. Json is nlohmann::json or nlohmann::ordered_json. A child (padding/asset/child.h)
-// takes the text apart, while this process builds the document.
+// 64 levels of nesting. Of a text that does not begin as JSON, such as another program's file, the sentence
+// ends with `wanted`: what it should be, and where that comes from. Json is nlohmann::json or
+// nlohmann::ordered_json. A child (padding/asset/child.h) takes the text apart, while this process builds the
+// document.
 template <class Json>
-Json parse_json(std::string_view text, const std::string& where);
+Json parse_json(std::string_view text, const std::string& where,
+                const char* wanted = "check that it is the right file");
 
 // Builds the document that a child sends. Returns false if no text gives what was sent.
 template <class Json>
-bool receive_json(ChildPipe& pipe, Json& document, std::string_view text, const std::string& where);
+bool receive_json(ChildPipe& pipe, Json& document, std::string_view text, const std::string& where,
+                  const char* wanted = "");
 
 // One place in a document. It knows its path, so that a message can say where it is: "FILE, bodies 3,
 // position: 3 numbers are wanted". Refers to the document and to `where`, and does not own them.
@@ -62,8 +66,8 @@ class JsonPlace {
   const std::string* where_;
 };
 
-extern template nlohmann::json parse_json(std::string_view, const std::string&);
-extern template nlohmann::ordered_json parse_json(std::string_view, const std::string&);
+extern template nlohmann::json parse_json(std::string_view, const std::string&, const char*);
+extern template nlohmann::ordered_json parse_json(std::string_view, const std::string&, const char*);
 extern template class JsonPlace<nlohmann::json>;
 extern template class JsonPlace<nlohmann::ordered_json>;
 

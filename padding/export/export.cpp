@@ -250,6 +250,19 @@ bool is_world(const Model& model, int body) {
   return b.parent < 0 && b.name == "world" && b.pose.matrix().isIdentity(0);
 }
 
+void check_floats(const Body& body, const Eigen::Isometry3d& pose, const char* ending) {
+  const Cluster& c = body.cluster;
+  for (std::size_t k = 0; k < c.size(); k++) {
+    const double reach = (pose * c.centers[k]).cwiseAbs().maxCoeff() + c.radii[k];
+    const bool is_held =
+        std::isfinite(static_cast<float>(reach)) && std::isnormal(static_cast<float>(c.radii[k]));
+    if (!is_held)
+      throw Error(std::string("a ") + ending + " holds numbers as float32, which cannot hold sphere " +
+                  std::to_string(k) + " of " + excerpt(body.name) + ", of radius " + number(c.radii[k]) +
+                  ": give the mesh a --unit or a --scale");
+  }
+}
+
 std::string number(double value) {
   if (value == 0) return "0";  // not -0
   char text[32];

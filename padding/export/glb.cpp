@@ -2,9 +2,12 @@
 // Writes glTF 2.0 binary. Every sphere is a node that shows a shared mesh of a unit sphere, which every
 // viewer draws. The instanced form has one node for each body, which EXT_mesh_gpu_instancing draws once for
 // each sphere: smaller and faster, but few viewers know it.
+#include <strings.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
 
@@ -74,14 +77,6 @@ float as_float(std::uint32_t value, const std::string& body, const char* what) {
   return f;
 }
 
-float as_length(double value, const std::string& body) {
-  const float f = static_cast<float>(value);
-  if (!std::isfinite(f) || (value != 0 && f == 0))
-    throw Error("a .glb holds numbers as float32, which cannot hold the length " + number(value) + " of " +
-                body + ": give the mesh a --unit or a --scale");
-  return f;
-}
-
 // A material for each colour of a family, and a mesh of the unit sphere in it. All meshes share one geometry.
 class Meshes {
  public:
@@ -119,12 +114,20 @@ class Meshes {
   std::map<Colour, std::size_t> known_;
 };
 
+// Are the coordinates those of a glTF file, whose Y is up?
+bool is_of_gltf(const Model& model) {
+  if (model.robot() || model.bodies.size() != 1) return false;
+  const std::string ending = std::filesystem::path(model.bodies[0].cluster.source.file).extension().string();
+  return strcasecmp(ending.c_str(), ".gltf") == 0 || strcasecmp(ending.c_str(), ".glb") == 0;
+}
+
 // The nodes: a root that turns Z up to glTF's Y up, below it the bodies as their joints hang together, and
 // below each body its spheres.
 class Nodes {
  public:
   Nodes(const Model& model, bool instanced) : model_(model), instanced_(instanced), meshes_(buffer_) {
-    nodes_.push_back({{"name", model.name}, {"rotation", {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)}}});
+    nodes_.push_back({{"name", model.name}});
+    if (!is_of_gltf(model)) nodes_[0]["rotation"] = {-std::sqrt(0.5), 0, 0, std::sqrt(0.5)};
     std::vector<std::size_t> at;
     for (const Body& b : model.bodies) {
       at.push_back(nodes_.size());
@@ -167,6 +170,7 @@ class Nodes {
   void add_spheres(const Body& body, std::size_t node) {
     const Cluster& c = body.cluster;
     const std::size_t mesh = meshes_.of_family(c.family);
+    check_floats(body, Eigen::Isometry3d::Identity(), ".glb");
     if (instanced_) {
       add_instances(body, nodes_[node], mesh);
       return;
@@ -175,8 +179,8 @@ class Nodes {
     for (std::size_t k = 0; k < c.size(); k++) {
       Json place = Json::array(), scale = Json::array();
       for (int x = 0; x < 3; x++) {
-        place.push_back(as_length(c.centers[k][x], body.name));
-        scale.push_back(as_length(c.radii[k], body.name));
+        place.push_back(static_cast<float>(c.centers[k][x]));
+        scale.push_back(static_cast<float>(c.radii[k]));
       }
       nodes_[node]["children"].push_back(nodes_.size());
       nodes_.push_back({{"mesh", mesh}, {"translation", place}, {"scale", scale}});
@@ -187,8 +191,8 @@ class Nodes {
     const Cluster& c = body.cluster;
     std::vector<float> translation, scale;
     for (std::size_t k = 0; k < c.size(); k++) {
-      for (int x = 0; x < 3; x++) translation.push_back(as_length(c.centers[k][x], body.name));
-      scale.insert(scale.end(), 3, as_length(c.radii[k], body.name));
+      for (int x = 0; x < 3; x++) translation.push_back(static_cast<float>(c.centers[k][x]));
+      scale.insert(scale.end(), 3, static_cast<float>(c.radii[k]));
     }
     const auto same = [&](std::uint32_t value, const char* what) {
       return buffer_.add(std::vector<float>(c.size(), as_float(value, body.name, what)), 1, 0, false);

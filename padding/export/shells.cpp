@@ -95,13 +95,15 @@ void append_bytes(std::string& out, const Vector& v) {
   for (int k = 0; k < 3; k++) append_bytes(out, static_cast<float>(v[k]));
 }
 
-// Each body's shell, and what it is.
+// Each body's shell, and what it is. `floats`: the ending of a file that holds floats, or null.
 template <class Each>
-void each_shell(const Model& model, Each&& each) {
+void each_shell(const Model& model, const char* floats, Each&& each) {
   const auto poses = poses_at(model);
-  for (std::size_t b = 0; b < model.bodies.size(); b++)
-    if (model.bodies[b].cluster.size() > 0)
-      each(model.bodies[b], shell_of(model.bodies[b].cluster, poses[b]));
+  for (std::size_t b = 0; b < model.bodies.size(); b++) {
+    const Body& body = model.bodies[b];
+    if (floats) check_floats(body, poses[b], floats);
+    if (body.cluster.size() > 0) each(body, shell_of(body.cluster, poses[b]));
+  }
 }
 
 }  // namespace
@@ -112,7 +114,7 @@ Files write_stl(const Job& job) {
   out.resize(80, ' ');
   append_bytes(out, std::uint32_t(0));
   std::uint64_t count = 0;
-  each_shell(job.model, [&](const Body&, const Shell& shell) {
+  each_shell(job.model, ".stl", [&](const Body&, const Shell& shell) {
     count += shell.triangles.size();
     for (const auto& t : shell.triangles) {
       const Point &a = shell.points[t[0]], &b = shell.points[t[1]], &c = shell.points[t[2]];
@@ -130,7 +132,7 @@ Files write_stl(const Job& job) {
 Files write_ply(const Job& job) {
   std::string vertices, faces;
   std::uint64_t points = 0, triangles = 0;
-  each_shell(job.model, [&](const Body& body, const Shell& shell) {
+  each_shell(job.model, ".ply", [&](const Body& body, const Shell& shell) {
     const Colour colour = colour_of_kind(body.cluster.family);
     for (const Point& p : shell.points) {
       append_bytes(vertices, p);
@@ -157,7 +159,7 @@ Files write_obj(const Job& job) {
   std::string out = "# " + origin(job.model) + "\n";
   std::uint64_t points = 1;  // the first vertex is number 1
   const std::vector<std::string> names = identifiers(job.model);
-  each_shell(job.model, [&](const Body& body, const Shell& shell) {
+  each_shell(job.model, nullptr, [&](const Body& body, const Shell& shell) {
     out += "o " + names[static_cast<std::size_t>(&body - job.model.bodies.data())] + "\n";
     std::string colour;
     for (const std::uint8_t c : colour_of_kind(body.cluster.family))

@@ -56,6 +56,10 @@ bool is_world(const Model& model, int body);
 // Spheres about the centre of mass along the principal axes.
 std::vector<Point> centers_in_mass_frame(const Cluster& cluster);
 
+// Throws Error if a file of floats with this ending cannot hold the spheres of the body, which stands at
+// `pose`: they reach too far, or are too small.
+void check_floats(const Body& body, const Eigen::Isometry3d& pose, const char* ending);
+
 // Shortest text that reads back as the same double; whole numbers without a point.
 std::string number(double value);
 std::string numbers(const Vector& v, const char* between = " ");

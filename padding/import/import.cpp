@@ -100,7 +100,7 @@ Content content_of(const fs::path& path) {
   if (is_any_of(ending, {".glb", ".usda", ".h", ".hpp"}))
     throw Error(where + ": spheres are written to " + ending +
                 " but not read from it: use .spheres.json or .npz");
-  if (is_any_of(ending, {".obj", ".stl", ".ply", ".off", ".gltf", ".fbx", ".dae", ".3ds", ".3mf"}))
+  if (is_any_of(ending, {".obj", ".stl", ".ply", ".off", ".gltf", ".fbx", ".dae", ".3ds", ".3mf", ".msh"}))
     throw Error(where + ": spheres are not read from " + ending +
                 ": if it is a mesh, make spheres of it with pad, in Python with pad_file");
   const bool text = !is_any_of(ending, {".csv", ".npz", ".vtp"});

@@ -62,6 +62,17 @@ void take_skins_off(xml_node collada) {
   remove_libraries(collada, {"library_controllers"});
 }
 
+// assimp takes a unit that is no number for metres, and one below 0 mirrors the part.
+void check_unit(xml_node collada, const std::string& where) {
+  const auto unit = collada.child("asset").child("unit").attribute("meter");
+  std::string_view rest = unit.value();
+  double metres = 0;
+  const bool is_number = parse_real(next_word(rest), metres) == Number::finite && next_word(rest).empty();
+  if (unit && !(is_number && static_cast<float>(metres) > 0))
+    fail(where, "its <unit> is of '" + excerpt(unit.value()) +
+                    "' metres, and a number above 0 is wanted: mend the attribute `meter`");
+}
+
 void refuse_what_is_not_read(xml_node collada, const std::string& where) {
   for_elements(collada, [&](xml_node node) {
     const std::string_view name = node.name(), parent = node.parent().name();
@@ -155,6 +166,7 @@ std::string plain_collada(const std::string& bytes, std::vector<std::string>& no
   take_hulls_for_meshes(collada);
   take_skins_off(collada);
   refuse_what_is_not_read(collada, where);
+  check_unit(collada, where);
   check_arrays(collada, where);
   if (show_geometries(collada))
     notes.push_back("no node of its scene shows a mesh: its meshes are read where their coordinates say");

@@ -119,6 +119,7 @@ ReadResult reading::parse(std::string& bytes, const FilesBeside& beside, const s
               : ending == ".ply" ? read_ply(bytes, where)
               : ending == ".stl" ? read_stl(bytes, where)
               : ending == ".3mf" ? read_3mf(bytes, where)
+              : ending == ".msh" ? read_msh(bytes, where)
                                  : read_scene(bytes, beside, path, ending);
   bytes = {};
   std::ranges::move(soup.notes, std::back_inserter(result.notes));
@@ -176,9 +177,11 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
   if (bytes.empty()) fail(where, "the file is empty: export the mesh again");
   check_is_no_stand_in(bytes, where);
   reading::FilesBeside beside;
-  if (ending == ".gltf" || ending == ".glb") beside = reading::check_gltf(bytes, path, ending);
+  std::vector<std::string> notes;
+  if (ending == ".gltf" || ending == ".glb") beside = reading::check_gltf(bytes, path, ending, notes);
   ReadResult result = reading::mesh_from_child([&] { return reading::parse(bytes, beside, path, ending); },
                                                bytes.size(), where);
+  result.notes.insert(result.notes.begin(), notes.begin(), notes.end());
   result.source = std::move(source);
   result.source.triangles = result.mesh.triangles.size();
   apply_units(result, options, where);

@@ -68,8 +68,8 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
 
 // All endings that read_mesh knows, in lower case with their dots: ".obj", ".stl" …
 inline const std::vector<std::string>& mesh_endings() {
-  static const std::vector<std::string> endings = {".obj", ".stl", ".ply", ".off", ".gltf",
-                                                   ".glb", ".fbx", ".dae", ".3ds", ".3mf"};
+  static const std::vector<std::string> endings = {".obj", ".stl", ".ply", ".off", ".gltf", ".glb",
+                                                   ".fbx", ".dae", ".3ds", ".3mf", ".msh"};
   return endings;
 }
 

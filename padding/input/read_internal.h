@@ -48,6 +48,7 @@ Soup read_off(const std::string& bytes, const std::string& where);
 Soup read_ply(const std::string& bytes, const std::string& where);
 Soup read_stl(const std::string& bytes, const std::string& where);
 Soup read_3mf(const std::string& bytes, const std::string& where);
+Soup read_msh(std::string_view bytes, const std::string& where);
 // By assimp, which sees these bytes and these files, and opens nothing.
 Soup read_scene(const std::string& bytes, const FilesBeside& beside, const std::filesystem::path& path,
                 const std::string& ending);
@@ -57,9 +58,11 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const std::
 std::string plain_collada(const std::string& bytes, std::vector<std::string>& notes,
                           const std::string& where);
 
-// Refuses parts of a glTF that change its shape and that assimp would skip in silence. Returns the buffers
-// that lie beside it: those that are files, and in its folder or below.
-FilesBeside check_gltf(std::string_view bytes, const std::filesystem::path& path, const std::string& ending);
+// Refuses parts of a glTF that change its shape and that assimp would skip in silence, and gives one without
+// a scene a scene of all that is in it. Returns the buffers that lie beside it: those that are files, and in
+// its folder or below.
+FilesBeside check_gltf(std::string& bytes, const std::filesystem::path& path, const std::string& ending,
+                       std::vector<std::string>& notes);
 // The same files by their names, and nothing checked. Throws for what is no JSON.
 std::vector<std::filesystem::path> files_beside_gltf(const std::filesystem::path& path);
 

@@ -16,6 +16,7 @@
 #include <cmath>
 #include <map>
 #include <new>
+#include <set>
 #include <string_view>
 #include <utility>
 
@@ -258,18 +259,47 @@ std::size_t glb_json_length(std::string_view bytes, const std::string& where) {
   return length;
 }
 
+// The same file with another JSON, whose end is filled up to a multiple of four bytes.
+std::string glb_with_json(std::string_view bytes, std::size_t length, std::string json) {
+  json.append(3 - (json.size() + 3) % 4, ' ');
+  std::string out = std::string(bytes.substr(0, 20)) + json + std::string(bytes.substr(20 + length));
+  const auto put = [&](std::size_t at, std::size_t value) {
+    for (std::size_t k = 0; k < 4; k++) out[at + k] = static_cast<char>(value >> 8 * k);
+  };
+  put(8, out.size()), put(12, json.size());
+  return out;
+}
+
 // A binary glTF whose JSON ends at a multiple of four bytes. Some exporters forget it, and assimp looks for
 // the buffer only there. Empty where nothing is to be done.
 std::string padded_glb(std::string_view bytes, const std::string& where) {
-  const std::size_t length = glb_json_length(bytes, where), more = 3 - (length + 3) % 4, end = 20 + length;
-  if (more == 0 || bytes.size() < end + 8 || bytes.substr(end + 4, 3) != "BIN") return {};
-  std::string padded(bytes);
-  padded.insert(end, more, ' ');
-  const auto put = [&](std::size_t at, std::size_t value) {
-    for (std::size_t k = 0; k < 4; k++) padded[at + k] = static_cast<char>(value >> 8 * k);
+  const std::size_t length = glb_json_length(bytes, where), end = 20 + length;
+  if (length % 4 == 0 || bytes.size() < end + 8 || bytes.substr(end + 4, 3) != "BIN") return {};
+  return glb_with_json(bytes, length, std::string(bytes.substr(20, length)));
+}
+
+// Gives a document without a scene one of all nodes that no other holds, as most readers show it, and a node
+// for each mesh where there is none. Returns the note that says so.
+std::string add_scene(nlohmann::json& json) {
+  using Json = nlohmann::json;
+  const auto is_list = [](const Json& in, const char* key) {
+    return in.is_object() && in.contains(key) && in[key].is_array() && !in[key].empty();
   };
-  put(8, padded.size()), put(12, length + more);
-  return padded;
+  const bool has_nodes = is_list(json, "nodes");
+  if (!has_nodes) {
+    json["nodes"] = Json::array();
+    for (std::size_t k = 0; is_list(json, "meshes") && k < json["meshes"].size(); k++)
+      json["nodes"].push_back({{"mesh", k}});
+  }
+  std::set<Json> held;
+  for (const Json& node : json["nodes"])
+    if (is_list(node, "children")) held.insert(node["children"].begin(), node["children"].end());
+  Json roots = Json::array();
+  for (std::size_t k = 0; k < json["nodes"].size(); k++)
+    if (!held.contains(Json(k))) roots.push_back(k);
+  json["scene"] = 0, json["scenes"] = Json::array({{{"nodes", roots}}});
+  return has_nodes ? "it has no scene: all its nodes are read"
+                   : "it has neither a scene nor nodes: its meshes are read where their coordinates say";
 }
 
 bool is_gltf_1(const nlohmann::json& json) {
@@ -282,15 +312,15 @@ bool is_gltf_1(const nlohmann::json& json) {
 
 }  // namespace
 
-FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::string& ending) {
+FilesBeside check_gltf(std::string& bytes, const fs::path& path, const std::string& ending,
+                       std::vector<std::string>& notes) {
   const std::string where = path.string();
-  if (ending == ".glb") bytes = bytes.substr(20, glb_json_length(bytes, where));
+  const std::size_t length = ending == ".glb" ? glb_json_length(bytes, where) : 0;
   using Json = nlohmann::json;
-  const Json json = parse_json<Json>(bytes, where);
+  Json json = parse_json<Json>(ending == ".glb" ? std::string_view(bytes).substr(20, length) : bytes, where,
+                               "a glTF is wanted: export it again");
   const JsonPlace<Json> document(json, where);
   if (is_gltf_1(json)) fail(where, "it is glTF 1, which is not read: export it as glTF 2");
-  if (!document.has("scenes") || document.at("scenes").size() == 0)
-    fail(where, "it has no scene, which would say where its meshes stand: export it with a scene");
   const auto names = [&](const char* key) {
     std::vector<std::string> out;
     if (document.has(key))
@@ -314,6 +344,11 @@ FilesBeside check_gltf(std::string_view bytes, const fs::path& path, const std::
   check_morphs(document);
   FilesBeside beside;
   for (const auto& [asked, file] : buffers_beside(json, path)) beside[asked] = read_file(file);
+  document.object();
+  if (!document.has("scenes") || document.at("scenes").size() == 0) {
+    notes.push_back(add_scene(json));
+    bytes = ending == ".glb" ? glb_with_json(bytes, length, json.dump()) : json.dump();
+  }
   return beside;
 }
 
@@ -364,9 +399,6 @@ Soup read_scene(const std::string& bytes, const FilesBeside& beside, const fs::p
                     "): check that the file is whole, beside the files it refers to, and has the ending of "
                     "its format");
 
-  // The root has the scale of COLLADA's unit alone. Below 0 it would mirror the part.
-  if (ending == ".dae" && !(scene->mRootNode->mTransformation.a1 > 0))
-    fail(where, "its <unit> is not of more than 0 metres: mend the attribute `meter`");
   double factor = 1;
   soup.unit = unit_of(*scene, ending, factor);
   std::vector<std::pair<const aiNode*, Eigen::Matrix4d>> nodes,

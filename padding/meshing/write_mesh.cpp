@@ -6,6 +6,7 @@
 #include <CGAL/IO/PLY.h>
 #include <CGAL/IO/STL.h>
 
+#include <cmath>
 #include <sstream>
 
 #include "padding/asset/error.h"
@@ -23,6 +24,12 @@ void write_mesh(const Mesh& mesh, const std::filesystem::path& path) {
   const auto ending = path.extension();
   if (!can_write_mesh(path))
     throw Error("cannot write " + path.string() + ": a mesh is written as .obj, .off, .ply or .stl");
+  const Box box = mesh.bounds();
+  const auto float_holds = [](double length) { return std::isnormal(static_cast<float>(length)); };
+  if (ending == ".stl" && !(float_holds(box.diagonal()) &&
+                            float_holds(box.low.cwiseAbs().cwiseMax(box.high.cwiseAbs()).maxCoeff())))
+    throw Error("cannot write " + path.string() +
+                ": a .stl holds numbers as float32, which cannot hold this mesh: name a .ply, .obj or .off");
   std::vector<CgalPoint> points;
   points.reserve(mesh.points.size());
   for (const Point& p : mesh.points) points.push_back(to_cgal(p));

@@ -347,10 +347,11 @@ class MjcfReader {
     return links;
   }
 
-  // Of a mesh or a shell only a stated mass is known.
+  // Of a mesh or a shell only a stated mass is known, or else the density.
   struct Weight {
     Inertial inertial;
     bool mass_known = true, moments_known = true;
+    double density = 0;  // if it is stated, and no mass is
   };
 
   // As MuJoCo weighs the geom.
@@ -361,30 +362,36 @@ class MjcfReader {
     const double mass = file_.number(e, "mass", -1);  // below 0: none is stated
     const bool counts = !range || range->size() != 2 || (group >= (*range)[0] && group <= (*range)[1]);
     if (!counts || mass == 0 || (mass < 0 && density == 0)) return {};
+    const double stated = mass < 0 && e.attribute("density") ? density : 0;
     const std::string type = e.text("type", "sphere");
     if (e.attribute("mesh") || type == "mesh" || type == "sdf" || e.text("shellinertia") == "true")
-      return {Inertial{std::max(mass, 0.0)}, mass > 0, false};
+      return {Inertial{std::max(mass, 0.0)}, mass > 0, false, stated};
     const RobotShape shape = shape_of(geom);
-    return {reading::solid_inertia(shape, mass > 0 ? mass : density * reading::volume_of(shape))};
+    return {reading::solid_inertia(shape, mass > 0 ? mass : density * reading::volume_of(shape)), true, true,
+            stated};
   }
 
   // MuJoCo gives a body without <inertial> the mass of its geoms, those to look at included.
   void add_masses() {
     std::map<std::size_t, std::vector<Inertial>> parts;
+    std::map<std::size_t, std::set<double>> densities;
     std::set<std::size_t> without_mass, without_moments;
     for (const Geom& geom : geoms_) {
       if (geom.link == 0 || robot_.model.bodies[geom.link].inertial) continue;  // the world has no mass
       const Weight weight = weight_of(geom);
       parts[geom.link].push_back(weight.inertial);
+      if (!weight.mass_known || weight.inertial.mass != 0) densities[geom.link].insert(weight.density);
       if (!weight.mass_known) without_mass.insert(geom.link);
       if (!weight.moments_known) without_moments.insert(geom.link);
     }
-    std::vector<std::string> shaped, padded, bare;
+    std::vector<std::string> shaped, padded, bare, dense;
     for (const auto& [index, geoms] : parts) {
       RobotLink& link = robot_.links[index];
       const Inertial sum = reading::sum_of(geoms);
       if (without_moments.contains(index) && link.shapes.empty())
         bare.push_back(link.name);
+      else if (without_mass.contains(index) && densities[index].size() == 1 && *densities[index].begin() > 0)
+        dense.push_back(link.name), link.density = *densities[index].begin();
       else if (without_mass.contains(index))
         padded.push_back(link.name);
       else if (without_moments.contains(index))
@@ -392,10 +399,15 @@ class MjcfReader {
       else if (sum.mass > 0 || !link.shapes.empty())  // 0 is said only where spheres would get another mass
         robot_.model.bodies[index].inertial = sum;
     }
-    scale_masses(padded.empty() ? bare : padded);
+    scale_masses(!padded.empty() ? padded : !dense.empty() ? dense : bare);
     if (!shaped.empty())
       note("bodies whose geoms state a mass, and whose moments follow from the shape that is padded: " +
            first_few(shaped));
+    if (!dense.empty())
+      note(
+          "bodies whose geoms state a density, and whose mass follows from it and the shape that is "
+          "padded: " +
+          first_few(dense));
     if (!padded.empty())
       note(
           "bodies without <inertial> that have meshes or shells, so that their mass follows from a density "

@@ -23,8 +23,8 @@ namespace padder {
 //   assetdir, strippath and settotalmass.
 // * Mass: a body without `inertial`, or with geoms and inertiafromgeom="true", gets that of its geoms,
 //   whether seen or touching. If a mesh or a shell is among them, its moments follow from the shape that is
-//   padded, and so does its mass, with a density, unless all of them state one. Without spheres such a body
-//   has no mass. Notes say so.
+//   padded, and so does its mass, with the density that all of them state or else the caller's, unless all of
+//   them state a mass. Without spheres such a body has no mass. Notes say so.
 //
 // Throws Error, which names the file and the element, for what changes the shape and is not read:
 // coordinate="global", `replicate`, `composite`, `flexcomp`, `attach`, meshes whose vertices stand in the

@@ -29,6 +29,7 @@ struct RobotLink {
   std::string name;
   std::vector<RobotShape> shapes;  // to be padded
   double mass = 0;                 // if above 0: the mass, whose moments follow from the shapes
+  double density = 0;              // if above 0: in kg/m^3, from which the mass follows, if none is stated
 };
 
 // The bodies have no spheres yet. Parents come first, and links[k] belongs to model.bodies[k].

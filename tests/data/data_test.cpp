@@ -43,7 +43,8 @@ TEST(Data, EveryFormatHoldsTheSameNut) {
                {"nut.gltf", "m", 1e-3},
                {"nut_mirrored.glb", "m", 1e-3},
                {"nut.dae", "m", 1e-3},
-               {"nut.3mf", "mm", 1}};
+               {"nut.3mf", "mm", 1},
+               {"nut.msh", "", 1}};
   std::size_t files = 0;
   for (const auto& entry : fs::directory_iterator(kData / "formats")) files += entry.is_regular_file();
   EXPECT_EQ(files, std::size(table)) << "a file of formats/ is not in the table";

@@ -88,6 +88,12 @@ def stl_ascii(points, triangles, name):
     return "\n".join(lines + [f"endsolid {name}\n"])
 
 
+def msh(points, triangles):
+    out = struct.pack("<4i", len(points), 0, 0, len(triangles))
+    out += b"".join(struct.pack("<3f", *p) for p in points)
+    return out + b"".join(struct.pack("<3i", *t) for t in triangles)
+
+
 def stl_binary(points, triangles):
     out = b"a nut".ljust(80, b" ") + struct.pack("<I", len(triangles))
     for t in triangles:
@@ -203,6 +209,7 @@ def formats():
                                 [-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]),
         "nut.dae": dae(points, triangles),
         "nut.3mf": threemf(points, triangles),
+        "nut.msh": msh(points, triangles),
     }
 
 

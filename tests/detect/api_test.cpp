@@ -9,6 +9,7 @@
 #include <regex>
 #include <type_traits>
 
+#include "detect/core/nine_stages.h"
 #include "tests/detect/oracle.h"
 #include "tests/error_of.h"
 
@@ -103,6 +104,55 @@ TEST(Api, TheBackendIsThatOfTheConstructor) {
 static_assert(Path::fast == Path::grid && Precision::fast == Precision::float32 &&
               Order::fixed == Order::stable);
 static_assert(std::is_same_v<Choice, BackendKind> && std::is_same_v<Random, SplitMix64>);
+
+// A binding of another language may hand over any number.
+TEST(Api, ValuesThatNoEnumerationHasAreRefused) {
+  const auto refused = [&](const char* part, const std::function<void(CallOptions&, Input&)>& spoil) {
+    Detector d(DeviceChoice{BackendKind::omp});
+    Input in = input_of(two_spheres);
+    spoil(d.options(), in);
+    expect_refusal([&] { d.detect(in); }, part);
+    d.options() = {};
+    EXPECT_EQ(d.detect(input_of(two_spheres)).count, 1u);
+  };
+  refused("CallOptions::path is 2, and its values are 0 to 1: use one of their names",
+          [](CallOptions& o, Input&) { o.path = static_cast<Path>(2); });
+  refused("CallOptions::precision is 7",
+          [](CallOptions& o, Input&) { o.precision = static_cast<Precision>(7); });
+  refused("CallOptions::order is 2", [](CallOptions& o, Input&) { o.order = static_cast<Order>(2); });
+  refused("CallOptions::width is 3", [](CallOptions& o, Input&) { o.width = static_cast<Width>(3); });
+  refused("CallOptions::scalar is 255", [](CallOptions& o, Input&) { o.scalar = static_cast<Scalar>(255); });
+  refused("CallOptions::output is 2", [](CallOptions& o, Input&) { o.output = static_cast<Memory>(2); });
+  refused("CallOptions::bodies is 3", [](CallOptions& o, Input&) { o.bodies = static_cast<Bodies>(3); });
+  refused("Spheres::scalar is 2",
+          [](CallOptions&, Input& in) { in.spheres.scalar = static_cast<Scalar>(2); });
+  refused("Spheres::memory is 2",
+          [](CallOptions&, Input& in) { in.spheres.memory = static_cast<Memory>(2); });
+  refused("Input::pose_memory is 2",
+          [](CallOptions&, Input& in) { in.pose_memory = static_cast<Memory>(2); });
+  expect_refusal([] { Detector d(DeviceChoice{static_cast<BackendKind>(3)}); },
+                 "DeviceChoice::backend is 3, and its values are 0 to 2");
+  Detector d(DeviceChoice{BackendKind::omp});
+  expect_refusal([&] { d.detect_worlds(input_of(two_spheres), 1, static_cast<Answer>(3)); }, "Answer is 3");
+}
+
+TEST(Api, TheOpenMpBackendHasNoDeviceMemory) {
+  Detector d(DeviceChoice{BackendKind::omp});
+  d.options().output = Memory::device;
+  const std::string part = "which the OpenMP backend has not: ask for host memory or choose cuda";
+  expect_refusal([&] { d.detect(input_of(two_spheres)); }, part);
+  expect_refusal([&] { d.detect_worlds(input_of(two_spheres), 1, Answer::any); }, part);
+  expect_refusal([&] { d.stages(input_of(two_spheres)); }, part);
+}
+
+TEST(Api, ALimitOfMemoryIsNamedByItsRefusal) {
+  Detector d(DeviceChoice{BackendKind::omp});
+  d.options().memory_limit = 100;
+  expect_refusal([&] { d.detect(input_of(two_spheres)); },
+                 ", but CallOptions::memory_limit is 100: raise it, divide");
+  d.options().memory_limit = 0;
+  EXPECT_EQ(d.detect(input_of(two_spheres)).count, 1u);
+}
 
 TEST(Api, OlderSourcesStillChooseByOptions) {
   Options options;

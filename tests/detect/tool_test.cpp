@@ -219,6 +219,10 @@ TEST_F(DetectTool, WrongUsageIsASentence) {
   EXPECT_EQ(run("s.csv").err,
             "detect: SCENE: \"s.csv\" holds spheres alone: name it in a scene, as \"spheres\": [{\"file\": "
             "\"s.csv\"}] (see detect --help)\n");
+  write_file(folder_ / "arm.urdf", "<?xml version=\"1.0\"?><robot name='r'/>");
+  EXPECT_EQ(run("arm.urdf").err,
+            "detect: arm.urdf: it is not JSON, as it begins with '<?xml version=\"1.0\"?…': a scene or a "
+            "cluster of padder is wanted; pad makes a cluster of a mesh or a robot\n");
 }
 
 TEST_F(DetectTool, AFullDiskIsASentence) {

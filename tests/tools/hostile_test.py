@@ -202,12 +202,18 @@ class HostileTest(unittest.TestCase):
             self.sentence("pad", name, says=name)
         os.symlink("cube.obj", self.folder / "link.obj")
         self.works("pad", "link.obj", "-q", *QUICK)
-        # A link under the asset's name is replaced, and what it points to is untouched.
-        self.put("precious", "precious")
-        os.symlink("precious", self.folder / "cube.spheres.json")
-        self.works("pad", "cube.obj", "-q", *QUICK)
-        self.assertEqual((self.folder / "precious").read_text(), "precious")
-        self.assertFalse((self.folder / "cube.spheres.json").is_symlink())
+        # Under a link the file that it leads to is written, also where there is none yet.
+        os.mkdir(self.folder / "far")
+        os.symlink("far/asset", self.folder / "cube.spheres.json")
+        for _ in range(2):
+            self.works("pad", "cube.obj", "-q", *QUICK)
+            self.assertTrue((self.folder / "cube.spheres.json").is_symlink())
+            self.assertIn('"padder.cluster"', (self.folder / "far/asset").read_text())
+            self.assertEqual(os.listdir(self.folder / "far"), ["asset"])
+        os.symlink("cube.obj", self.folder / "input.obj")
+        self.sentence("pad", "cube.obj", *QUICK, "--write-mesh", "input.obj", code=2, says="input.obj is a file that this run reads")
+        self.sentence("pad", "cube.obj", *QUICK, "--write-mesh", "loop.obj", says="loop.obj: Too many levels of symbolic links")
+        self.sentence("pad", "", says="MESH is empty: name a file", code=2)
         # A list of parts passes over them; folders behind links are not entered, so no circle has an end.
         os.mkdir(self.folder / "parts")
         os.symlink("..", self.folder / "parts/up")

@@ -45,7 +45,8 @@ class Buffer {
     release();
     const cudaError_t e = grows && allocate(count + count / 8) == cudaSuccess ? cudaSuccess : allocate(count);
     if (e == cudaErrorMemoryAllocation)
-      throw MemoryError((pinned_ ? 0 : book_->held) + count * sizeof(T), what_, pinned_ ? "host" : "GPU");
+      throw pinned_ ? MemoryError(count * sizeof(T), what_, "host", 0)
+                    : MemoryError(book_->held + count * sizeof(T), what_, "GPU", book_->limit);
     cuda_check(e, "allocate memory");
     return data_;
   }

@@ -534,7 +534,7 @@ std::uint64_t GridPath::search(const Grid& grid, const Summary& summary, const C
     }
     doubtful += searcher.doubtful(), total += hits.total(), counted_only = counted_only || hits.counting();
   }
-  if (counted_only) throw_memory(total * 2 * sizeof(std::uint32_t) + budget_->held(), total, what_);
+  if (counted_only) throw_memory(*budget_, total * 2 * sizeof(std::uint32_t), total, what_);
   seconds.stage[6] += watch.lap();
   return doubtful;
 }

@@ -137,7 +137,8 @@ TEST_P(StagesTest, AnArrayBThatIsTooLargeAsksForLargerBins) {
   const Arranged a(random_scene(100, 2, 0.5, 7), Scalar::f64);
   options_.bin_size = 0.01, options_.memory_limit = 1u << 20;
   Detector d(device_, options_);
-  EXPECT_TRUE(refuses([&] { d.detect(a.input); }, "array B, but are not available: choose larger bins"));
+  EXPECT_TRUE(refuses([&] { d.detect(a.input); },
+                      "array B, but CallOptions::memory_limit is 1048576: raise it, choose larger bins"));
 }
 
 ON_EVERY_BACKEND(StagesTest);

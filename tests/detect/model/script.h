@@ -174,7 +174,7 @@ class Script {
     if (dice_.chance(0.1)) o.order = dice_.chance(0.3) ? Order::any : Order::stable;
     if (dice_.chance(0.2)) o.width = dice_.of({Width::pairs, Width::normals, Width::points});
     if (dice_.chance(0.1)) o.scalar = dice_.of({Scalar::f32, Scalar::f64});
-    if (dice_.chance(0.1)) o.output = dice_.of({Memory::host, Memory::device});
+    if (cuda_ && dice_.chance(0.1)) o.output = dice_.of({Memory::host, Memory::device});
     if (dice_.chance(0.15)) o.bodies = dice_.of({Bodies::automatic, Bodies::first, Bodies::expanded});
     o.threads = dice_.chance(0.05) ? dice_.of({2, 3, 0})
                                    : 1;  // seldom: where cores are busy, threads wait for each other

@@ -63,8 +63,10 @@ def bench():
 
 
 def files():
+    os.symlink("behind.npy", "contacts.npy")  # the file that the link leads to is written
     made = run(3, "dense.json", "--backend", "omp", "-o", "contacts.npy", "--json")
     expect(made.returncode == 0, made)
+    expect(os.path.islink("contacts.npy") and os.path.isfile("behind.npy"), made)
     expect(os.path.getsize("contacts.npy") == 256 + json.loads(made.stdout)["contacts"] * (16 + 80), made)
 
 

@@ -206,6 +206,8 @@ TEST(Cluster, FaultyDocumentsEndInASentenceThatNamesTheKey) {
   const std::pair<std::string, std::string> table[] = {
       {"", "not JSON at byte"},
       {"{", "not JSON at byte"},
+      {"\n<sdf version='1.6'>",
+       "it is not JSON, as it begins with '\\n<sdf version='1.6'>': a cluster of padder is wanted"},
       {head + spheres, "not JSON at byte"},
       {"[]", "\"format\" must be"},
       {"{}", "\"format\" must be"},

@@ -49,6 +49,7 @@ TEST_F(File, EveryByteComesBack) {
 TEST_F(File, ReadingWhatIsNotThere) {
   expect_error([&] { read_file(folder_ / "absent"); }, (folder_ / "absent").string());
   expect_error([&] { read_file(folder_); }, "is a folder");
+  expect_error([&] { read_file(""); }, "the name of the file to read is empty");
 }
 
 TEST_F(File, OnlyRegularFilesOfSomeSizeAreRead) {
@@ -107,16 +108,38 @@ TEST_F(File, DevicesAreNotReplacedAndModesStay) {
   fs::permissions(folder_ / "a", fs::perms::owner_read | fs::perms::owner_write);
   write_file(folder_ / "a", "new");
   EXPECT_EQ(fs::status(folder_ / "a").permissions(), fs::perms::owner_read | fs::perms::owner_write);
-  fs::create_symlink("a", folder_ / "link");
-  write_file(folder_ / "link", "other");
-  EXPECT_EQ(read_file(folder_ / "a"), "new");
   ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
   fs::create_symlink("pipe", folder_ / "to_pipe");
   for (const char* name : {"pipe", "to_pipe"})
     expect_error([&] { write_file(folder_ / name, "x"); }, "is a device, a pipe or a socket");
   EXPECT_TRUE(fs::is_fifo(folder_ / "to_pipe"));
   expect_error([] { FileWriter("/dev/null"); }, "/dev/null: it is a device");
-  EXPECT_EQ(entries(), 4u);
+  EXPECT_EQ(entries(), 3u);
+}
+
+TEST_F(File, LinksAreWrittenThrough) {
+  fs::create_directory(folder_ / "far");
+  write_file(folder_ / "far" / "a", "old");
+  fs::permissions(folder_ / "far" / "a", fs::perms::owner_read | fs::perms::owner_write);
+  fs::create_symlink("far/a", folder_ / "link"), fs::create_symlink("link", folder_ / "second");
+  fs::create_symlink(folder_ / "far" / "fresh", folder_ / "to_nothing");
+  fs::create_symlink("round", folder_ / "round"), fs::create_symlink("no/a", folder_ / "no_folder");
+  {
+    FileWriter out(folder_ / "second");
+    out.append("new");
+    EXPECT_EQ(read_file(folder_ / "link"), "old");
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder_ / "far"), {}), 2);  // the one in the making
+    out.commit();
+  }
+  EXPECT_EQ(read_file(folder_ / "far" / "a"), "new");
+  EXPECT_EQ(fs::status(folder_ / "far" / "a").permissions(), fs::perms::owner_read | fs::perms::owner_write);
+  write_file(folder_ / "to_nothing", "fresh");
+  EXPECT_EQ(read_file(folder_ / "far" / "fresh"), "fresh");
+  expect_error([&] { write_file(folder_ / "round", "x"); }, "round (Too many levels of symbolic links)");
+  expect_error([&] { write_file(folder_ / "no_folder", "x"); }, "no_folder (No such file or directory)");
+  for (const char* link : {"link", "second", "to_nothing", "round", "no_folder"})
+    EXPECT_TRUE(fs::is_symlink(folder_ / link));
+  EXPECT_EQ(entries(), 6u);
 }
 
 // Processes that do nothing but begin files are ended at some moment, and their handlers leave nothing.

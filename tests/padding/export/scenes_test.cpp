@@ -115,6 +115,17 @@ TEST_F(ScenesTest, GlbStandsUprightAndShowsEverySphereByANode) {
   EXPECT_EQ(colours.size(), 3u);
 }
 
+// So that the spheres lie over the part in a viewer.
+TEST_F(ScenesTest, APartOfAGltfIsNotTurned) {
+  Cluster c = brick();
+  for (const auto& [file, turned] :
+       {std::pair("part.gltf", false), {"part.GLB", false}, {"part.obj", true}}) {
+    c.source.file = file;
+    for (const char* format : {"glb", "glb-instanced"})
+      EXPECT_EQ(Glb(text(model_of(c), "b.glb", format)).j["nodes"][0].contains("rotation"), turned) << file;
+  }
+}
+
 TEST_F(ScenesTest, GlbInstancedHasOneNodeABody) {
   Cluster c = brick();
   c.family = 7, c.mask = 0x00f00000;
@@ -156,17 +167,25 @@ TEST_F(ScenesTest, GlbsMeshIsAUnitSphereTurnedOutwards) {
   EXPECT_TRUE(bounds.contains("min") && bounds.contains("max"));
 }
 
-TEST_F(ScenesTest, GlbSaysWhatFloatCannotHold) {
+TEST_F(ScenesTest, FilesOfFloatsSayWhatTheyCannotHold) {
   Cluster c = brick();
   c.family = 0x01000001;
   EXPECT_NO_THROW(write(model_of(c), "whole.glb"));  // families stand in the text, which holds them
   EXPECT_THROW(write(model_of(c), "f.glb", "glb-instanced"), Error);
-  c = brick();
-  c.radii[0] = 1e-60;
-  EXPECT_THROW(write(model_of(c), "f.glb"), Error);
-  c.radii[0] = 1, c.centers[0].x() = 1e60;
-  EXPECT_THROW(write(model_of(c), "f.glb"), Error);
-  EXPECT_FALSE(fs::exists(folder_ / "f.glb"));
+  for (const char* file : {"f.glb", "f.stl", "f.ply"}) {
+    const auto expect_refusal = [&](double radius, double x) {
+      c = brick();
+      c.radii[0] = radius, c.centers[0].x() = x;
+      EXPECT_TRUE(refuses([&] { write(model_of(c), file); }, "as float32, which cannot hold sphere 0 of "))
+          << file;
+      EXPECT_NO_THROW(write(model_of(c), "f.obj"));
+    };
+    expect_refusal(1e-60, 0), expect_refusal(1, 1e60), expect_refusal(2e38, -2e38);
+    EXPECT_FALSE(fs::exists(folder_ / file));
+    c = brick();
+    c.centers[0].x() = 1e-60;
+    EXPECT_NO_THROW(write(model_of(c), file));
+  }
 }
 
 // What stands in a mesh file: every triangle's corners lie on a sphere, no triangle is inside another one,

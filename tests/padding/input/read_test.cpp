@@ -487,9 +487,9 @@ TEST_F(Read, ColladaHasItsUnitAndItsStrips) {
     EXPECT_EQ(r.mesh.triangles.size(), 4u) << "two instances";
     EXPECT_NEAR(r.mesh.area(), 2 * length * length, 1e-6 * length * length);
   }
-  for (const char* metres : {"-1", "0"})
-    expect_fault(put("u.dae", dae("<unit meter=\"" + std::string(metres) + "\"/>")),
-                 "its <unit> is not of more than 0");
+  for (const std::string metres : {"-1", "0", "abc", "0,01", "1 2", "", "nan", "1e-60"})
+    expect_fault(put("u.dae", dae("<unit meter=\"" + metres + "\"/>")),
+                 "its <unit> is of '" + metres + "' metres, and a number above 0 is wanted");
   // The coordinates of the file, whichever way it says is up: as ROS shows it, and as the STL beside it.
   for (const char* up :
        {"", "<up_axis>X_UP</up_axis>", "<up_axis>Y_UP</up_axis>", "<up_axis>Z_UP</up_axis>"}) {
@@ -571,10 +571,49 @@ TEST_F(Read, CoordinatesOfGltfAreFloatsOrRefused) {
   }
 }
 
-TEST_F(Read, AGltfWithoutASceneIsRefused) {
+TEST_F(Read, OfAGltfWithoutASceneAllNodesAreRead) {
   put("data.bin", gltf_buffer());
-  expect_fault(put("s.gltf", with(mirrored_gltf, R"("scene":0,"scenes":[{"nodes":[0,1]}],)", "")),
-               "it has no scene");
+  const std::string scene = R"("scene":0,"scenes":[{"nodes":[0,1]}],)",
+                    nodes = R"("nodes":[{"mesh":0},{"mesh":0,"scale":[-2,1,1],"translation":[0,0,3]}],)";
+  for (const char* none : {"", R"("scenes":[],)"})
+    for (const bool binary : {false, true}) {
+      const auto read_as = [&](const std::string& text) {
+        return binary ? read("s.glb", glb(text)) : read("s.gltf", text);
+      };
+      const std::string bare = with(mirrored_gltf, scene, none);
+      const ReadResult all = read_as(bare),
+                       child = read_as(with(bare, "{\"mesh\":0},", R"({"children":[1]},)")),
+                       meshes = read_as(with(bare, "\n" + nodes, ""));
+      EXPECT_EQ(all.notes.at(0), "it has no scene: all its nodes are read");
+      EXPECT_EQ(all.mesh.triangles.size(), 4u);
+      EXPECT_EQ(size(all.mesh), Vector(3, 1, 3));
+      EXPECT_EQ(child.mesh.triangles.size(), 2u);
+      EXPECT_EQ(size(child.mesh), Vector(2, 1, 0));
+      EXPECT_EQ(meshes.notes.at(0),
+                "it has neither a scene nor nodes: its meshes are read where their coordinates say");
+      EXPECT_EQ(size(meshes.mesh), Vector(1, 1, 0));
+    }
+}
+
+TEST_F(Read, AMshOfMujocoIsReadOrRefused) {
+  const auto msh = [](std::initializer_list<std::int32_t> counts, std::int32_t last) {
+    std::string bytes;
+    for (const std::int32_t n : counts) append(bytes, n);
+    for (const float x : {0, 0, 0, 1, 0, 0, 0, 1, 0, /* a normal */ 0, 0, 1, /* textures */ 9, 9, 9, 9})
+      append(bytes, x);
+    for (const std::int32_t v : {0, 1, last}) append(bytes, v);
+    return bytes;
+  };
+  const std::string good = msh({3, 1, 2, 1}, 2);
+  const ReadResult r = read("t.msh", good);
+  EXPECT_EQ(r.mesh.triangles.size(), 1u);
+  EXPECT_EQ(r.mesh.points.at(1), Point(1, 0, 0));
+  EXPECT_EQ(r.unit, "");
+  expect_fault(put("t.msh", msh({3, 1, 2, 1}, 3)), "face 1 names vertex 3 of 3, counted from 0");
+  expect_fault(put("t.msh", msh({3, 1, 2, 1}, -1)), "face 1 names vertex -1 of 3");
+  for (const std::string& bad : {good + "x", good.substr(0, 30), good.substr(0, 15), msh({-1, 1, 2, 1}, 2),
+                                 msh({3, 1, 2, 0x7fffffff}, 2), msh({3, 2, 2, 1}, 2)})
+    expect_fault(put("t.msh", bad), "it is no .msh of MuJoCo, or cut short");
 }
 
 TEST_F(Read, PlacesThatGltfDoesNotAllowAreRefused) {
@@ -716,8 +755,10 @@ TEST_F(Read, FilesThatAreNone) {
   expect_fault(folder_ / "absent.obj", "cannot open");
   expect_fault(put("robot.sdf", "x"), "robots and scenes are read from .urdf, .xacro and MJCF (.xml)");
   expect_fault(put("b.off", std::string("OFF BINARY\n\0\0", 13)), "binary OFF is not read");
-  expect_fault(put("part.step", "x"), ".obj, .stl, .ply, .off, .gltf, .glb, .fbx, .dae, .3ds, .3mf");
+  expect_fault(put("part.step", "x"), ".obj, .stl, .ply, .off, .gltf, .glb, .fbx, .dae, .3ds, .3mf, .msh");
   expect_fault(put("part", "x"), "it has no ending");
+  expect_fault(put("gmsh.msh", "$MeshFormat\n4.1 0 8\n"),
+               "it is a mesh of Gmsh, and a .msh is read as MuJoCo's");
   for (const std::string& ending : mesh_endings())
     expect_fault(put("empty" + ending, ""), "the file is empty");
   fs::create_directory(folder_ / "folder.obj");

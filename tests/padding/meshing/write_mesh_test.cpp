@@ -5,6 +5,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/input/read.h"
+#include "tests/error_of.h"
 #include "tests/padding/shapes.h"
 #include "tests/temporary_folder.h"
 
@@ -39,7 +40,11 @@ TEST_F(WriteMesh, RefusesWhatItCannotWrite) {
   EXPECT_THROW(write_mesh(mesh, folder_ / "m.glb"), Error);
   EXPECT_THROW(write_mesh(mesh, folder_ / "m"), Error);
   EXPECT_THROW(write_mesh(mesh, folder_ / "absent" / "m.obj"), Error);
+  for (const double scale : {1e-50, 1e40})
+    EXPECT_TRUE(refuses([&] { write_mesh(shapes::scaled(mesh, scale), folder_ / "m.stl"); },
+                        "a .stl holds numbers as float32, which cannot hold this mesh"));
   EXPECT_TRUE(std::filesystem::is_empty(folder_));
+  EXPECT_NO_THROW(write_mesh(shapes::scaled(mesh, 1e40), folder_ / "m.ply"));
 }
 
 }  // namespace

@@ -393,6 +393,19 @@ TEST_F(MjcfTest, MassesThatNeedAMeshAreNotKnown) {
       "not from their geoms: a");
   EXPECT_TRUE(holds(bare.notes.at(1), "which get no mass, though MuJoCo gives them that of their geoms: a"));
   EXPECT_EQ(read("mass='0'/>").model.bodies[1].inertial->mass, 0);  // stated, and no density takes its place
+  // So is a stated density, if it is the same for all geoms.
+  const PaddedRobot dense = pad_robot(
+      put("<asset><mesh file='tet.obj'/></asset><default><geom density='600'/></default><worldbody><body "
+          "name='a'><joint/><geom type='mesh' mesh='tet'/></body><body name='b' pos='5 0 0'><joint/><geom "
+          "type='mesh' mesh='tet'/><geom size='.1' pos='9 0 0' density='50'/></body></worldbody>"),
+      {.tolerance = Length::share(0.1)});
+  EXPECT_NEAR(dense.model.bodies[1].inertial->mass, 100, 1e-9);
+  EXPECT_FALSE(dense.model.bodies[2].inertial);
+  EXPECT_EQ(
+      dense.notes.at(0),
+      "bodies whose geoms state a density, and whose mass follows from it and the shape that is padded: a");
+  EXPECT_TRUE(
+      holds(dense.notes.at(1), "so that their mass follows from a density and not from their geoms: b"));
   // A stated mass is kept, and the shape gives the moments: a tetrahedron's, and a cube's of density 1000.
   const fs::path file =
       put("<compiler settotalmass='30'/><asset><mesh file='tet.obj'/></asset><worldbody><body "
