@@ -22,6 +22,7 @@ constexpr std::size_t kFewBalls = 32;
 constexpr double kOfGuess = 0.35;  // the tolerance sum of few balls may be this share of its guess
 // A cover is smoother than another one if its mean normal error is less than such a share of the other's.
 constexpr double kSmoother = 0.98;
+constexpr double kLargestRatio = 0.9;  // of a tolerance sum that is tried to be smoother to the one before
 // Half of what is promised. The other half is for errors of the estimate.
 constexpr double kVolumeGoal = 0.005;
 
@@ -177,6 +178,13 @@ class CullSearch {
     return balls > kFewBalls && static_cast<double>(balls) >= 0.97 * static_cast<double>(count);
   }
 
+  // Balls grow in number at least as the tolerance sum shrinks (docs/tolerance.md): to try less than this
+  // share of it would make a cover that the count forbids, of up to hundreds of times as many balls.
+  double least_ratio_for_count() const {
+    if (options_.max_spheres == 0) return 0;
+    return static_cast<double>(cover_.balls.size()) / static_cast<double>(options_.max_spheres);
+  }
+
   // Shrinks the tolerance sum until the mean normal error is as asked or the count is used up: dents of the
   // union are as deep as the tolerance sum. Ends where smaller sums are no smoother, as in a thin plate, from
   // which balls of any size stand out alike, and goes back to the smoothest, which has fewer balls.
@@ -192,7 +200,10 @@ class CullSearch {
       if (error <= options_.smooth || tolerance_sum <= least) break;
       // On a flat, the normal error grows with the root of the tolerance sum.
       const double ratio = 0.95 * options_.smooth / error;
-      tolerance_sum = std::max(least, tolerance_sum * std::clamp(ratio * ratio, 0.1, 0.9));
+      const double allowed = least_ratio_for_count();
+      if (allowed > kLargestRatio) break;
+      tolerance_sum =
+          std::max(least, tolerance_sum * std::clamp(ratio * ratio, std::max(0.1, allowed), kLargestRatio));
     }
     cover_ = best_, tolerance_sum_ = smoothest_sum, culled.normal_error = smoothest;
     return tolerance_sum_;

@@ -127,6 +127,7 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
     slot.find_normal();
   }
   cut_needles();
+  if (!parts_) tree_.find_slabs(mesh_, tree_.triangles());
   find_normals();
 }
 
@@ -185,7 +186,10 @@ void Surface::cut_needles() {
   }
   if (!(before > worth_it * after)) return;
   Parts cut{TriangleTree(boxes), {}};
-  for (const std::uint32_t t : cut.tree.triangles()) cut.slot.push_back(slot_of[t]);
+  std::vector<std::uint32_t> triangles;
+  for (const std::uint32_t t : cut.tree.triangles())
+    cut.slot.push_back(slot_of[t]), triangles.push_back(tree_.triangles()[slot_of[t]]);
+  cut.tree.find_slabs(mesh_, triangles);
   parts_ = std::make_shared<const Parts>(std::move(cut));
 }
 

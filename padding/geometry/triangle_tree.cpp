@@ -229,6 +229,18 @@ class PairWalk {
 
 }  // namespace
 
+void TriangleTree::SlabPair::set(int side, std::span<const std::array<Point, 3>> triangles) {
+  Vector sum = Vector::Zero();
+  for (const auto& [a, b, c] : triangles) sum += (b - a).cross(c - a);
+  sum.normalize();                             // a zero vector stays zero
+  if (!sum.allFinite()) sum = Vector::Zero();  // and rules out nothing
+  for (int axis = 0; axis < 3; axis++) normal[axis][side] = sum[axis];
+  double least = std::numeric_limits<double>::infinity(), most = -least;
+  for (const auto& triangle : triangles)
+    for (const Point& p : triangle) least = std::min(least, sum.dot(p)), most = std::max(most, sum.dot(p));
+  low[side] = least, high[side] = most;
+}
+
 TriangleTree::TriangleTree(const Mesh& mesh) : triangles_(numbered(mesh.triangles.size())) {
   const std::size_t n = mesh.triangles.size();
   std::vector<Box> boxes(n);
@@ -247,6 +259,29 @@ TriangleTree::TriangleTree(const Mesh& mesh) : triangles_(numbered(mesh.triangle
     root.count[0] = static_cast<std::uint32_t>(n);
     nodes_.push_back(root);
   }
+}
+
+void TriangleTree::find_slabs(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  const std::size_t n = nodes_.size();
+  slabs_.resize(n), extent_ = 0;
+  std::vector<std::array<Point, 3>> corners;
+  corners.reserve(triangles.size());
+  for (const auto t : triangles) {
+    corners.push_back(mesh.corners(t));
+    for (const Point& p : corners.back()) extent_ = std::max(extent_, p.cwiseAbs().sum());
+  }
+  std::vector<std::array<std::uint32_t, 2>> begin(n), end(n);  // of the slots below each child
+  for (std::size_t k = n; k-- > 0;)
+    for (int side = 0; side < 2; side++) {
+      const std::uint32_t child = nodes_[k].child[side];
+      const bool leaf = nodes_[k].count[side] > 0 || nodes_[k].empty(side);
+      begin[k][side] = leaf ? child : begin[child][0];
+      end[k][side] = leaf ? child + nodes_[k].count[side] : end[child][1];
+    }
+#pragma omp parallel for schedule(dynamic, 64) if (corners.size() > kTreeParallelSize)
+  for (std::size_t k = 0; k < n; k++)
+    for (int side = 0; side < 2; side++)
+      slabs_[k].set(side, std::span(corners).subspan(begin[k][side], end[k][side] - begin[k][side]));
 }
 
 void TriangleTree::visit(const Box& box, const std::function<void(std::uint32_t)>& visit) const {

@@ -117,6 +117,32 @@ TEST(Cull, WhatGetsNoSmootherIsNotMadeFiner) {
   EXPECT_LE(smooth.balls.size(), 2 * rough.balls.size());
 }
 
+TEST(Cull, SmoothnessTakesWhatTheCountAllows) {
+  const Culled rough = cull(torus(), {.tolerance = 0.03, .effort = 0});
+  const std::size_t count = 2 * rough.balls.size();
+  const Culled smooth = cull(torus(), {.tolerance = 0.03, .max_spheres = count, .smooth = 1, .effort = 0});
+  expect_proved(torus(), smooth);
+  EXPECT_LE(smooth.balls.size(), count);
+  EXPECT_GT(smooth.balls.size(), rough.balls.size());
+  EXPECT_LT(smooth.normal_error, 0.9 * union_shape(torus(), rough.balls).normal_error);
+}
+
+// The smallest error that so many spheres can keep is known: a smaller one is not tried.
+TEST(Cull, NothingIsTriedThatACountForbids) {
+  const auto told = [](double smooth, Culled& culled) {
+    int times = 0;
+    CullOptions options{.max_spheres = 20, .smooth = smooth, .effort = 0};
+    options.tell = [&](double) { times++; };
+    culled = cull(torus(), options);
+    return times;
+  };
+  Culled plain, smooth;
+  EXPECT_EQ(told(1, smooth), told(0, plain));
+  ASSERT_EQ(smooth.balls.size(), plain.balls.size());
+  for (std::size_t k = 0; k < plain.balls.size(); k++)
+    EXPECT_EQ(smooth.balls[k].center, plain.balls[k].center);
+}
+
 TEST(Cull, SomethingMustBeAsked) { EXPECT_THROW(cull(torus(), {}), Error); }
 
 TEST(Cull, GridEntries) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <omp.h>
 
+#include <algorithm>
 #include <atomic>
 #include <mutex>
 #include <set>
@@ -66,6 +67,55 @@ TEST(TriangleTree, PairsAreThoseWhoseBoxesTouch) {
         }
     }
   }
+}
+
+// The triangles in the slots that visit_near() names.
+std::set<std::uint32_t> near(const TriangleTree& tree, const Point& p, double limit) {
+  std::set<std::uint32_t> found;
+  double limit2 = limit * limit;
+  tree.visit_near(p, limit2, [&](std::uint32_t slot) {
+    EXPECT_TRUE(found.insert(tree.triangles()[slot]).second);
+    return false;
+  });
+  return found;
+}
+
+TEST(TriangleTree, SlabsLeaveOutNothingThatIsNear) {
+  for (std::uint64_t seed = 1; seed <= 12; seed++) {
+    RandomInput random(seed);
+    const Mesh meshes[] = {shapes::random_soup(random, 3 * seed, 1, 0.3), shapes::blob(random, 3),
+                           shapes::moved(shapes::sphere(3), {1e4, -2e4, 3e4}), shapes::face_of_cube(5, 8)};
+    const Mesh& mesh = meshes[seed % 4];
+    const TriangleTree boxes(mesh);
+    TriangleTree slabs = boxes;
+    slabs.find_slabs(mesh, slabs.triangles());
+    const Box bounds = mesh.bounds();
+    for (int k = 0; k < 200; k++) {
+      const Point p = bounds.center() + random.point(random.uniform(0, 1) * bounds.diagonal());
+      const std::size_t t = random.below(mesh.triangles.size());
+      const double near_by = (random.on(mesh, t) - p).norm() * (1 + 1e-9);  // as triangle t is
+      const std::set<std::uint32_t> found = near(slabs, p, near_by), all = near(boxes, p, near_by);
+      ASSERT_TRUE(found.contains(static_cast<std::uint32_t>(t)));
+      ASSERT_TRUE(std::includes(all.begin(), all.end(), found.begin(), found.end()));
+    }
+  }
+}
+
+// Nearly all triangles are about as near, and their boxes much nearer.
+TEST(TriangleTree, SlabsLeaveOutMostOfASphereAroundThePoint) {
+  RandomInput random(1);
+  const Mesh mesh = shapes::sphere(5);
+  const TriangleTree boxes(mesh);
+  TriangleTree slabs = boxes;
+  slabs.find_slabs(mesh, slabs.triangles());
+  std::size_t found = 0, all = 0;
+  for (int k = 0; k < 50; k++) {
+    const Point p = random.point(0.05);
+    double nearest = 2;
+    for (const Point& q : mesh.points) nearest = std::min(nearest, (q - p).norm());
+    found += near(slabs, p, nearest).size(), all += near(boxes, p, nearest).size();
+  }
+  EXPECT_LT(10 * found, all);
 }
 
 }  // namespace
