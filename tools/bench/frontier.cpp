@@ -67,13 +67,11 @@ Row paper(const ReadResult& file, const std::string& name, double edge) {
 
 // Least-squares slope of log count over -log error: the p of count ~ 1 / error^p.
 double growth(const std::vector<Row>& rows, const std::string& mesh, const std::string& method) {
-  double n = 0, x = 0, y = 0, xx = 0, xy = 0;
-  for (const Row& r : rows) {
-    if (r.mesh != mesh || r.method != method || !(r.error() > 0) || r.spheres == 0) continue;
-    const double u = -std::log(r.error()), v = std::log(static_cast<double>(r.spheres));
-    n += 1, x += u, y += v, xx += u * u, xy += u * v;
-  }
-  return n < 2 ? 0 : (n * xy - x * y) / (n * xx - x * x);
+  Points points;
+  for (const Row& r : rows)
+    if (r.mesh == mesh && r.method == method && r.error() > 0 && r.spheres > 0)
+      points.push_back({-std::log(r.error()), std::log(static_cast<double>(r.spheres))});
+  return fitted_line(points).slope;
 }
 
 // The same between the first and the last rung alone.
