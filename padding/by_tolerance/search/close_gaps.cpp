@@ -2,6 +2,8 @@
 #include "padding/by_tolerance/search/close_gaps.h"
 
 #include <algorithm>
+#include <set>
+#include <tuple>
 
 #include "padding/by_tolerance/search/centre.h"
 #include "padding/by_tolerance/search/open_pieces.h"
@@ -26,10 +28,25 @@ WhyOpen why_open(const BallGrower& grower, const Point& p, std::uint32_t triangl
   return ball.radius + any_size.protrusion > 0 ? WhyOpen::min_radius : WhyOpen::no_inside;
 }
 
+// Spots for which no ball was found, which takes hundreds of balls to find out: they stay open, and the
+// certificate finds them again in each round.
+class Hopeless {
+ public:
+  bool contains(const GapPart& spot) const { return spots_.contains(key(spot)); }
+  void add(const GapPart& spot) { spots_.insert(key(spot)); }
+
+ private:
+  using Key = std::tuple<double, double, double, std::uint32_t>;
+  static Key key(const GapPart& spot) {
+    return {spot.point.x(), spot.point.y(), spot.point.z(), spot.triangle};
+  }
+  std::set<Key> spots_;
+};
+
 // Adds the worst failures as points to cover, each with a ball of its own that covers it. Where there is no
 // such ball for any of them, it returns the worst.
 OpenSpot refine(CoverProblem& problem, const BallGrower& grower, const std::vector<GapPart>& failures,
-                CoverProblem* also) {
+                Hopeless& hopeless, CoverProblem* also) {
   const double tolerance_sum = grower.limits().tolerance_sum;
   std::vector<std::uint32_t> order = numbered(failures.size());
   std::stable_sort(order.begin(), order.end(),
@@ -37,26 +54,28 @@ OpenSpot refine(CoverProblem& problem, const BallGrower& grower, const std::vect
   std::vector<Point> points;
   for (const GapPart& part : failures) points.push_back(part.point);
   const std::vector<std::uint32_t> taken = sparse(points, order, kSpacing * tolerance_sum);
-  std::vector<Ball> medials(taken.size());
+  std::vector<std::vector<Candidate>> proposed(taken.size());
 #pragma omp parallel for schedule(dynamic, 16) if (taken.size() > 32)
-  for (std::size_t k = 0; k < taken.size(); k++)
-    medials[k] = grower.medial(points[taken[k]], failures[taken[k]].triangle);
+  for (std::size_t k = 0; k < taken.size(); k++) {
+    const GapPart& spot = failures[taken[k]];
+    if (hopeless.contains(spot)) continue;
+    grower.propose(spot.point, spot.triangle, grower.medial(spot.point, spot.triangle), proposed[k]);
+  }
   std::vector<CoverPoint> fresh;
   std::vector<Candidate> candidates;
-  OpenSpot open;
   for (std::size_t k = 0; k < taken.size(); k++) {
-    const std::size_t before = candidates.size();
-    grower.propose(points[taken[k]], failures[taken[k]].triangle, medials[k], candidates);
+    candidates.insert(candidates.end(), proposed[k].begin(), proposed[k].end());
     // A ball must cover the spot with room to spare, or what is around it fails in the next round.
-    if (candidates.size() > before) {
+    if (proposed[k].empty())
+      hopeless.add(failures[taken[k]]);
+    else
       fresh.push_back({points[taken[k]], kGapMargin * tolerance_sum});
-    } else if (open.why == WhyOpen::nothing) {
-      open = {why_open(grower, points[taken[k]], failures[taken[k]].triangle), points[taken[k]]};
-    }
   }
   problem.add(fresh, candidates);
   if (also) also->add(fresh, candidates);
-  return fresh.empty() ? open : OpenSpot();
+  if (!fresh.empty()) return {};
+  const GapPart& worst = failures[taken.front()];
+  return {why_open(grower, worst.point, worst.triangle), worst.point};
 }
 
 }  // namespace
@@ -64,6 +83,7 @@ OpenSpot refine(CoverProblem& problem, const BallGrower& grower, const std::vect
 OpenSpot close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
                     CoverProblem* also) {
   OpenPieces open(grower.surface().mesh(), grower.limits().gap);
+  Hopeless hopeless;
   for (int round = 0;; round++) {
     const std::vector<GapPart> failures =
         open.failures(attempt.balls(), kSpacing * grower.limits().tolerance_sum);
@@ -73,7 +93,8 @@ OpenSpot close_gaps(Attempt& attempt, const BallGrower& grower, double steps, in
     watch.check();
     if (places > 0) attempt.try_places(grower, search ? places : 0);
     if (round == kMostGapRounds) return {WhyOpen::unfinished, failures.front().point};
-    if (const OpenSpot left = refine(attempt.problem, grower, failures, also); left.why != WhyOpen::nothing)
+    if (const OpenSpot left = refine(attempt.problem, grower, failures, hopeless, also);
+        left.why != WhyOpen::nothing)
       return left;
     const std::vector<char> all(attempt.chosen.size(), search);
     if (places == 0 || round >= kRepairedRounds) {

@@ -200,6 +200,18 @@ TEST(Cover, RadiusLimitsAreKept) {
   for (const Ball& ball : large.balls) EXPECT_GE(ball.radius, 0.1);
 }
 
+// With no protrusion, no ball lies in a sheet. The body beside it is covered for all that.
+TEST(Cover, WhatHasNoInsideStaysOpenAndAllElseIsCovered) {
+  const Mesh box = shapes::box({0, 0, 0}, {0.5, 0.5, 0.5}), fin = shapes::box({0.8, 0, 0}, {0.8, 0.5, 0.5});
+  const Surface surface(shapes::joined(box, fin), SideBy::winding, std::make_shared<const Surface>(box));
+  const Cover cover = cover_surface(surface, {.protrusion = 0, .gap = 0.05, .effort = 0});
+  EXPECT_EQ(cover.open.why, WhyOpen::no_inside);
+  EXPECT_EQ(cover.open.at.x(), 0.8);
+  EXPECT_FALSE(cover.proved);
+  EXPECT_LE(sampled_errors(Surface(box), cover.balls, 20000).gap, 0.05);
+  EXPECT_TRUE(gap_failures(box, BallSet(cover.balls), 0.05, 1e-3).empty());
+}
+
 // The side that pseudonormals give is no proof, whoever calls.
 TEST(Cover, ProvesNothingWithoutAnInside) {
   const CoverOptions options{.protrusion = 0.03, .gap = 0.03, .max_radius = 0.1, .effort = 0};
