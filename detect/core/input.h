@@ -56,12 +56,13 @@ inline bool marks_static(const Input& input) {
 
 // What one pass over the bodies tells. All of it stays within a revision.
 struct BodyTally {
-  std::uint64_t spheres = 0;                             // of all bodies; 2^64 - 1 if they are more than that
-  std::uint64_t moving = 0;                              // bodies that are not static
-  bool have_worlds = false;                              // one is not in world 0
-  std::uint32_t world = kEveryWorld;                     // of the first that is in one alone
-  bool apart = false;                                    // another is in another
-  std::vector<std::uint64_t> of_shape, moving_of_shape;  // bodies
+  std::uint64_t spheres = 0;          // of all bodies; 2^64 - 1 if they are more than that
+  std::uint64_t moving = 0;           // bodies that are not static
+  bool have_worlds = false;           // some body is not in world 0
+  std::uint32_t world = kEveryWorld;  // of the first body that is in one world only
+  bool apart = false;                 // some body is in another world than that
+  // Of each shape: how many bodies have it, and how many of these move.
+  std::vector<std::uint64_t> of_shape, moving_of_shape;
 };
 // Throws Error for a body that names no shape.
 BodyTally tally_of(const Input& input);

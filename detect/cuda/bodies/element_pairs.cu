@@ -42,15 +42,6 @@ __global__ void __launch_bounds__(kThreads) all_pairs_kernel(const __grid_consta
   if (lane == 0 && Write && e + 1 == n) task.counters->broad.contacts = base + found;
 }
 
-// The sum of `n` over the lanes up to this one.
-__device__ __forceinline__ std::uint32_t sum_upto(std::uint32_t lane, std::uint32_t n) {
-#pragma unroll
-  for (int d = 1; d < 32; d <<= 1) {
-    const std::uint32_t u = __shfl_up_sync(kAll, n, d);
-    if (static_cast<int>(lane) >= d) n += u;
-  }
-  return n;
-}
 // The first lane whose `upto` is more than k, if there is one.
 __device__ __forceinline__ std::uint32_t lane_beyond(std::uint32_t upto, std::uint32_t k) {
   std::uint32_t lane = 0;
@@ -93,8 +84,8 @@ __global__ void __launch_bounds__(kThreads)
           first = t.starts[key_in_row(l, key, x)];
           count = t.starts[key_in_row(l, key, l.hashed ? x : box.high[0]) + 1] - first;
         }
-        const std::uint32_t upto = sum_upto(lane, count), all = __shfl_sync(kAll, upto, 31),
-                            before = upto - count;
+        std::uint32_t all;
+        const std::uint32_t before = sum_before(count, all), upto = before + count;
         for (std::uint32_t k0 = 0; k0 < all; k0 += 32) {
           const std::uint32_t k = k0 + lane, of = lane_beyond(upto, k),
                               at = __shfl_sync(kAll, first - before, of) + k;

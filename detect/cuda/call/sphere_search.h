@@ -104,7 +104,7 @@ class SphereSearch {
   bool planned_wide_ = false;
   double planned_bin_size_ = 0;  // CallOptions::bin_size of that plan
   Counters found_{};             // by the last pass
-  Ordered ordered_;              // likewise
+  Ordered ordered_;              // where that pass left the spheres
   OrderMethod method_ = OrderMethod::automatic;
   SlotQuota quota_;  // of the previous list, for a stable order
 };
