@@ -608,6 +608,21 @@ TEST_P(Worlds, AnswersNeedNoMemoryForAList) {
   EXPECT_NEAR(nearest.distance[1], 0.002 - 6, 1e-12);
 }
 
+// The distances to a huge sphere are rounded by more than the gaps between the others.
+TEST_P(Worlds, TheNearestPairOfAHugeSphereIsNamed) {
+  std::mt19937_64 random = random_of_new_seed();
+  for (int scene = 0; scene < 20; scene++) {
+    TestBodies w;
+    for (int k = 0; k < 60; k++) {
+      w.loose.push_back({20 + 4 * unit(random), 12, 24, 3 + unit(random)});
+      w.world.push_back(0);
+    }
+    w.loose[scene * 3] = {24, 12, 24, static_cast<float>(3.5e11 * (1 + unit(random)))};
+    Detector detector(device_, CallOptions{});
+    expect_answers(detector, w.input(), 1);
+  }
+}
+
 TEST_P(Worlds, EmptyScenesHaveEmptyAnswers) {
   Detector detector(device_, {.margin = 1});
   EXPECT_EQ(detector.detect({}).count, 0u);

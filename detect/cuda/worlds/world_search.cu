@@ -43,7 +43,8 @@ struct Lane {
 
 __device__ __forceinline__ void set_reach(const WorldScene& scene, Lane& lane, double reach) {
   const float4 s = scene.near_balls[lane.element];
-  const float r = float_above(s.w + reach);
+  // A distance is rounded, which may be more than all small spheres where one is huge.
+  const float r = float_above(s.w + reach + 0x1p-50 * (s.w + magnitude(reach)));
   lane.reach = reach, lane.ball = make_float4(s.x, s.y, s.z, r);
   lane.box = box_of(scene.view.balls[lane.element], reach);
 }
