@@ -134,7 +134,7 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   plan_.search = search_options(call.options, summary);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
   plan_.search.long_rows = long_rows_;
-  plan_.search.rounded = rounded_ && may_round(source, summary, call.options.margin);
+  plan_.rounded = rounded_ && may_round(source, summary, call.options.margin);
   const bool floats = plan_.searched().searched_as_floats() &&
                       float_range(summary.extent, summary.radius_max + call.options.margin / 2);
   plan_.kind = !floats                                    ? SlotKind::fixed_point
@@ -278,7 +278,7 @@ struct SphereSearch::Steps {
     if (s.found_.flags == kOutgrown) s.pass(call, Pass::recorded);
     const SlotKind kind = s.plan_.kind;
     const SearchOptions searched = s.plan_.search;
-    const bool probed = s.plan_.probes();
+    const bool probed = s.plan_.probes(), rounded = s.plan_.rounded;
     if (!s.tools_.surveyor.finish(s.plan_.searched(), s.plan_.octaves, s.plan_.top, s.plan_.along(),
                                   s.summary_))
       return Trial::differs;
@@ -304,10 +304,11 @@ struct SphereSearch::Steps {
     const Grid next = std::exchange(s.grid_, tried);
     s.make_plan(source, call, s.summary_);
     s.grid_ = next;
-    if (good && (!probed || same_groups()) && kind == s.plan_.kind && searched == s.plan_.search &&
+    if (good && (!probed || same_groups()) && kind == s.plan_.kind && rounded == s.plan_.rounded &&
+        searched == s.plan_.search &&
         (kind != SlotKind::equal || s.summary_.radius_max == previous.radius_max))
       return Trial::fits;
-    surveyed = same_groups() && !(s.found_.flags & kCrowded) && searched.rounded == s.plan_.search.rounded;
+    surveyed = same_groups() && !(s.found_.flags & kCrowded) && rounded == s.plan_.rounded;
     return Trial::differs;
   }
 

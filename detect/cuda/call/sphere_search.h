@@ -33,6 +33,7 @@ class SphereSearch {
     SlotKind kind = SlotKind::equal;
     OrderMethod method = OrderMethod::automatic;
     int crowding = 0;
+    bool rounded = false;  // doubles are searched as floats (kMostRounded)
     bool octaves = false, with_survey = false;
     int top = 0, processors = 1;
     SizeGroups groups;        // with_survey: probed along, unless there are none
@@ -52,7 +53,7 @@ class SphereSearch {
     // What is put in order and searched; decisions and records go by `source`.
     DeviceSpheres searched() const {
       DeviceSpheres s = source;
-      s.rounded = search.rounded;
+      s.rounded = rounded;
       return s;
     }
   };

@@ -13,9 +13,11 @@ namespace padder::detect::cuda {
 // k << merge. Slots and codes may be read up to kSlack places past the end: what is there has no meaning.
 inline constexpr std::uint32_t kSlack = 64;
 struct Ordered {
-  void* slots = nullptr;           // FloatSlot or FixedPointSlot
-  std::uint32_t* ids = nullptr;    // null for SlotKind::equal
-  Sphere* given = nullptr;         // the spheres as they were given, where that was asked for
+  void* slots = nullptr;         // FloatSlot or FixedPointSlot
+  std::uint32_t* ids = nullptr;  // null for SlotKind::equal
+  Sphere* given = nullptr;       // the spheres as they were given, where they were gathered
+  // Slots are doubles rounded to float: what float is not sure of, and every record, goes by the doubles.
+  bool rounded = false;
   std::uint32_t* codes = nullptr;  // codes.h
   std::uint32_t* keys = nullptr;   // as grid.h numbers them; null where bins are in float
   FloatBins bins;
@@ -46,7 +48,7 @@ struct OrderRequest {
   const Grid& grid;
   SlotKind kind;
   double radius = 0;   // of all spheres, for SlotKind::equal
-  bool given = false;  // asks for Ordered::given, unless slots hold the spheres
+  bool given = false;  // asks for Ordered::given where it pays (gathers_given)
   bool stable;         // within a bin by sphere number, so that the order is the same in every run
   OrderMethod method;
   int crowding = 0;  // buckets get 2^crowding times fewer spheres on average, so that uneven ones fit

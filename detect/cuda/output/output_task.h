@@ -132,7 +132,10 @@ __device__ __forceinline__ std::uint32_t id_at(const OutputTask& task, std::uint
   else
     return __ldg(task.spheres.ids + index);
 }
-__device__ __forceinline__ Sphere load_given(const OutputTask& task, std::uint32_t index) {
+// As it was given, where slots do not hold the spheres. Rounded ones of several sizes are always gathered.
+template <SlotKind Kind>
+__device__ __forceinline__ Sphere given_sphere(const OutputTask& task, std::uint32_t index) {
+  if (Kind != SlotKind::unequal && !task.spheres.given) return task.source.sphere(id_at<Kind>(task, index));
   const auto* const p = reinterpret_cast<const double2*>(task.spheres.given + index);
   const double2 xy = __ldg(p), zr = __ldg(p + 1);
   return {xy.x, xy.y, zr.x, zr.y};
@@ -141,7 +144,7 @@ __device__ __forceinline__ Sphere load_given(const OutputTask& task, std::uint32
 template <SlotKind Kind>
 __device__ __forceinline__ Sphere sphere_of_slot(const OutputTask& task, std::uint32_t index) {
   if constexpr (Kind == SlotKind::fixed_point) {
-    return task.spheres.given ? load_given(task, index) : task.source.sphere(__ldg(task.spheres.ids + index));
+    return given_sphere<Kind>(task, index);
   } else {
     const FloatSlot s = load_slot(slots_of<Kind>(task) + index);
     return {s.x, s.y, s.z, Kind == SlotKind::equal ? task.radius : double(s.r)};
@@ -150,8 +153,7 @@ __device__ __forceinline__ Sphere sphere_of_slot(const OutputTask& task, std::ui
 // As it was given.
 template <SlotKind Kind>
 __device__ __forceinline__ Sphere sphere_at(const OutputTask& task, std::uint32_t index) {
-  if (task.spheres.given) return load_given(task, index);
-  return sphere_of_slot<Kind>(task, index);
+  return task.spheres.rounded ? given_sphere<Kind>(task, index) : sphere_of_slot<Kind>(task, index);
 }
 
 }  // namespace padder::detect::cuda

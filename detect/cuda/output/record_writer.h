@@ -14,9 +14,9 @@ namespace padder::detect::cuda {
 enum class RecordKind : std::uint8_t { from_slots, from_given, doubles };
 __device__ __host__ __forceinline__ RecordKind record_kind(const OutputTask& task) {
   if (task.output.width == Width::pairs) return RecordKind::from_slots;
-  return task.output.scalar == Scalar::f64 ? RecordKind::doubles
-         : task.spheres.given              ? RecordKind::from_given
-                                           : RecordKind::from_slots;
+  return task.output.scalar == Scalar::f64            ? RecordKind::doubles
+         : task.spheres.given || task.spheres.rounded ? RecordKind::from_given
+                                                      : RecordKind::from_slots;
 }
 
 // Out of line: it is rare, and inlined it would take registers from the common way.
@@ -43,7 +43,8 @@ template <SlotKind Kind, bool Given = false>
 __device__ __forceinline__ RecordInput<Given> load_record_input(const OutputTask& task, std::uint32_t i,
                                                                 std::uint32_t j) {
   if constexpr (Given) {
-    return {load_given(task, i), load_given(task, j), id_at<Kind>(task, i), id_at<Kind>(task, j)};
+    return {given_sphere<Kind>(task, i), given_sphere<Kind>(task, j), id_at<Kind>(task, i),
+            id_at<Kind>(task, j)};
   } else {
     const auto* const slots = static_cast<const FloatSlot*>(task.spheres.slots);
     RecordInput<false> t{load_slot(slots + i), load_slot(slots + j), 0, 0};

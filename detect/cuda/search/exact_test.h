@@ -11,8 +11,7 @@ namespace padder::detect::cuda {
 // magnitude is small. With u = 2^-24 float is off by 11.2 u of the squares in all (2.01 for the
 // differences, 3.01 for the radii, 2.01 more for the margin, which is rounded and added, one rounding for
 // each of four sums). So a pair that touches is always below the wider threshold, and a pair that is below it
-// without touching is less than 27.3 u away from it. Pairs less than 32 u away go to is_contact(), where the
-// band of contact.h holds the 5.01 u of either of its squares as well.
+// without touching is less than 27.3 u away from it. Pairs less than 32 u away are decided in double.
 inline constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 
 // The same where slots are doubles rounded to float. A coordinate is then off by e = 2^-24 of the pair's
@@ -48,8 +47,8 @@ __device__ __forceinline__ float radii_together(const SearchTask& task, const ty
   return Kind == SlotKind::fixed_point ? a.r + b.r : a.r + b.r + task.margin_f32;
 }
 
-// What float says of a candidate: false, the spheres are apart; `sure`, they touch. `rounded`: task.rounded;
-// a constant where slots are never rounded.
+// What float says of a candidate: false, the spheres are apart; `sure`, they touch. `rounded`:
+// Ordered::rounded; a constant where slots are never rounded.
 template <SlotKind Kind>
 __device__ __forceinline__ bool float_test(const SearchTask& task, const typename SlotOf<Kind>::Type& a,
                                            const typename SlotOf<Kind>::Type& b, bool rounded, bool& sure) {
@@ -65,38 +64,23 @@ __device__ __forceinline__ bool float_test(const SearchTask& task, const typenam
   return e < 0;
 }
 
-// The squares of the distance and of both radii with the margin.
+// What Precision::float32 says where float is not sure.
 template <SlotKind Kind>
-__device__ __forceinline__ Measured measured_of(const SearchTask& task, const typename SlotOf<Kind>::Type& a,
-                                                const typename SlotOf<Kind>::Type& b) {
+__device__ __forceinline__ bool touching_in_float(const SearchTask& task,
+                                                  const typename SlotOf<Kind>::Type& a,
+                                                  const typename SlotOf<Kind>::Type& b) {
   const float3 d = difference(a, b);
-  float s2 = task.sum_squared;
-  if constexpr (Kind != SlotKind::equal) {
-    const float s = radii_together<Kind>(task, a, b);
-    s2 = s * s;
-  }
-  return {d.x * d.x + d.y * d.y + d.z * d.z, s2};
+  const float s = Kind == SlotKind::equal ? task.sum : radii_together<Kind>(task, a, b);
+  return d.x * d.x + d.y * d.y + d.z * d.z <= s * s;
 }
 
-// verdict() of contact.h, with the band of rounded doubles where slots are these. `a`: one of the two.
-template <SlotKind Kind>
-__device__ __forceinline__ Verdict verdict_of(const SearchTask& task, const Measured& m,
-                                              const typename SlotOf<Kind>::Type& a) {
-  if constexpr (Kind != SlotKind::fixed_point) {
-    if (task.rounded) {
-      const float beyond = m.d2 - m.s2, band = fmaf(m.s2, task.near, 2.5f * blur(a, sqrtf(m.s2)));
-      return beyond > band ? Verdict::apart : beyond < -band ? Verdict::touch : Verdict::doubt;
-    }
-  }
-  return verdict<typename SlotOf<Kind>::Type>(m);
-}
-
-// Counts one doubtful pair for each lane that is here. Lanes that are here together share one atomic
-// operation: in a lattice of spheres that touch exactly, every pair is doubtful.
-__device__ __forceinline__ void count_doubtful(const SearchTask& task) {
-  const std::uint32_t here = __activemask();
-  if ((threadIdx.x & 31) == __ffs(here) - 1)
-    atomicAdd(&task.counters->doubtful, static_cast<Word>(__popc(here)));
+// Adds the doubtful pairs that each lane has found to the counters, by one atomic operation of the lanes that
+// are here. In a pile at rest most pairs are doubtful, and an operation for each 32 of them would be what the
+// search waits for.
+__device__ __forceinline__ void count_doubtful(const SearchTask& task, std::uint32_t found) {
+  const std::uint32_t here = __activemask(), sum = __reduce_add_sync(here, found);
+  if (sum && (threadIdx.x & 31) == __ffs(here) - 1)
+    atomicAdd(&task.counters->doubtful, static_cast<Word>(sum));
 }
 
 // Does this search report all contacts of the sphere, wherever its partners lie? The midpoint of a contact
@@ -146,23 +130,21 @@ __device__ __forceinline__ bool owns_contact(const SearchTask& task, std::uint32
   return owns(task.own, midpoint(sphere_at<Kind>(task, swap ? j : i), sphere_at<Kind>(task, swap ? i : j)));
 }
 
-// Whether spheres `i` and `j` of the order are a contact that this search reports. It is called from
-// functions that are out of line, since it is rare, or slow anyway. `slot`: of i, at the level of j.
-// `counts`: a doubtful pair is counted.
+// Whether spheres `i` and `j` of the order, whose distance float_test() does not exclude, are a contact that
+// this search reports. It is called from functions that are out of line, since it is rare, or slow anyway.
+// `slot`: of i, at the level of j. `sure`: by float_test(). `doubtful` grows by one where float is not sure.
 template <SlotKind Kind>
 static __device__ bool is_contact(const SearchTask& task, std::uint32_t i, typename SlotOf<Kind>::Type slot,
-                                  std::uint32_t j, bool counts) {
+                                  std::uint32_t j, bool sure, std::uint32_t& doubtful) {
   const auto other = load_slot(slots_of<Kind>(task) + j);
-  const Measured m = measured_of<Kind>(task, slot, other);
-  const Verdict v = verdict_of<Kind>(task, m, slot);
-  if (v == Verdict::apart) return false;
   const bool repeats = Kind == SlotKind::fixed_point && task.places_repeat;
-  if (v == Verdict::doubt || repeats) {
-    if (counts && v == Verdict::doubt) count_doubtful(task);
+  if (!sure || repeats) {
+    doubtful += !sure;
     if (task.exact || repeats ? !touching(sphere_at<Kind>(task, i), sphere_at<Kind>(task, j), task.margin)
-                              : !(m.d2 <= m.s2))
+                              : !touching_in_float<Kind>(task, slot, other))
       return false;
   }
+  if (!task.test_all) return true;
   const std::uint32_t id_i = id_at<Kind>(task, i), id_j = id_at<Kind>(task, j);
   if (task.source.filtered && !admitted(task.source.filter(id_i), task.source.filter(id_j))) return false;
   return task.owns_all || owns_contact<Kind>(task, i, slot, j, other);
@@ -172,15 +154,15 @@ static __device__ bool is_contact(const SearchTask& task, std::uint32_t i, typen
 template <SlotKind Kind>
 __device__ __forceinline__ bool test(const SearchTask& task, std::uint32_t i,
                                      const typename SlotOf<Kind>::Type& a, std::uint32_t j,
-                                     const typename SlotOf<Kind>::Type& b, bool counts) {
+                                     const typename SlotOf<Kind>::Type& b, std::uint32_t& doubtful) {
   bool sure;
-  if (!float_test<Kind>(task, a, b, task.rounded, sure)) return false;
+  if (!float_test<Kind>(task, a, b, task.spheres.rounded, sure)) return false;
   if (sure && !task.test_all) return true;
   if (sure && task.only_owner) {
     const Verdict owner = owner_by_float<Kind>(task, a, b);
     if (owner != Verdict::doubt) return owner == Verdict::touch;
   }
-  return is_contact<Kind>(task, i, a, j, counts);
+  return is_contact<Kind>(task, i, a, j, sure, doubtful);
 }
 
 }  // namespace padder::detect::cuda

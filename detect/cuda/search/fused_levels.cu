@@ -69,7 +69,7 @@ void launch_fused_levels(const SearchTask& task, const Grid& grid, const LevelPa
       kernel<<<blocks, kTileSpheres, 0, stream>>>(task, grid, pairs);
     }
   };
-  const bool given = record_kind(task) == RecordKind::from_given || task.rounded;
+  const bool given = record_kind(task) == RecordKind::from_given || task.spheres.rounded;
   if (task.test_all)
     launch.template operator()<false, false, true>();
   else if (task.stable_order)

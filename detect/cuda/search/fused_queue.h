@@ -57,7 +57,7 @@ struct FusedQueue {
   __device__ __forceinline__ void test_step() {
     uint2 pair[kAtOnce];
     FloatSlot a[kAtOnce], b[kAtOnce];
-    bool hit[kAtOnce], doubt = false;
+    bool hit[kAtOnce], sure[kAtOnce], doubt = false;
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
       const std::uint32_t at = from + 32 * u + lane;
@@ -69,16 +69,17 @@ struct FusedQueue {
       a[u] = load_slot(slots() + pair[u].x), b[u] = load_slot(slots() + pair[u].y);
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
-      bool sure;
-      hit[u] = float_test<kKind>(task, a[u], b[u], Given && task.rounded, sure) && hit[u];
-      if constexpr (Owned) sure = sure && owns_contacts_of<kKind>(task, a[u]);
-      doubt = doubt || (hit[u] && !sure);
+      hit[u] = float_test<kKind>(task, a[u], b[u], Given && task.spheres.rounded, sure[u]) && hit[u];
+      doubt = doubt || (hit[u] && !(sure[u] && (!Owned || owns_contacts_of<kKind>(task, a[u]))));
     }
     if (__any_sync(kFullWarp, doubt)) {
+      std::uint32_t doubtful = 0;
 #pragma unroll
-      for (int u = 0; u < kAtOnce; u++)
-        hit[u] = hit[u] && exact_test(pair[u], a[u], b[u]) &&
-                 (!Owned || owns_contact<kKind>(task, pair[u].x, a[u], pair[u].y, b[u]));
+      for (int u = 0; u < kAtOnce; u++) {
+        if (hit[u] && !sure[u]) hit[u] = exact_test(pair[u], a[u], b[u]), doubtful++;
+        if (Owned && hit[u]) hit[u] = owns_contact<kKind>(task, pair[u].x, a[u], pair[u].y, b[u]);
+      }
+      count_doubtful(task, doubtful);
     }
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
@@ -94,13 +95,10 @@ struct FusedQueue {
   // What float is not sure of, by the distance.
   __device__ __forceinline__ bool exact_test(const uint2& pair, const FloatSlot& a,
                                              const FloatSlot& b) const {
-    const Measured m = measured_of<kKind>(task, a, b);
-    const Verdict v = Given ? verdict_of<kKind>(task, m, a) : verdict<FloatSlot>(m);
-    if (v != Verdict::doubt) return v != Verdict::apart;
-    count_doubtful(task);
+    if (!task.exact) return touching_in_float<kKind>(task, a, b);
     if constexpr (Given)
-      if (task.exact) return touching(load_given(task, pair.x), load_given(task, pair.y), task.margin);
-    return task.exact ? touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}, task.margin) : m.d2 <= m.s2;
+      return touching(given_sphere<kKind>(task, pair.x), given_sphere<kKind>(task, pair.y), task.margin);
+    return touching({a.x, a.y, a.z, a.r}, {b.x, b.y, b.z, b.r}, task.margin);
   }
 
   // Emits the contacts. In stable order those beyond the producer's quota go to the side list, two words

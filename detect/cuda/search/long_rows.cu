@@ -28,7 +28,10 @@ struct PartQueue {
 template <SlotKind Kind>
 __device__ __noinline__ bool test_part(const SearchTask& task, std::uint32_t i,
                                        const typename SlotOf<Kind>::Type& a, std::uint32_t j, bool counts) {
-  return test<Kind>(task, i, a, j, load_slot(slots_of<Kind>(task) + j), counts);
+  std::uint32_t doubtful = 0;
+  const bool hit = test<Kind>(task, i, a, j, load_slot(slots_of<Kind>(task) + j), doubtful);
+  if (counts) count_doubtful(task, doubtful);
+  return hit;
 }
 
 // Tests the candidates of a part. take(j, hit) gets one for each lane; after each kStep candidates, done() is
@@ -52,7 +55,7 @@ __device__ __forceinline__ void search_part(const SearchTask& task, const Grid& 
 #pragma unroll
     for (int u = 0; u < kAtOnce; u++) {
       bool sure;
-      hit[u] = float_test<Kind>(task, a, b[u], task.rounded, sure) && k + 32 * u < part.count;
+      hit[u] = float_test<Kind>(task, a, b[u], task.spheres.rounded, sure) && k + 32 * u < part.count;
       doubt = doubt || (hit[u] && (!sure || task.test_all));
     }
     if (__any_sync(kFullWarp, doubt)) {

@@ -73,7 +73,7 @@ unsigned resident_one_level(KernelFamily family, SlotKind kind, int processors) 
 
 void launch_one_level(const SearchTask& task, const Grid& grid, KernelFamily family, cudaStream_t stream) {
   with_kind(task.spheres.kind, [&](auto kind) {
-    with_kernel<kind()>(family, task.rounded, [&](auto* kernel) {
+    with_kernel<kind()>(family, task.spheres.rounded, [&](auto* kernel) {
       kernel<<<task.tiles, kTileSpheres, 0, stream>>>(task, grid, {});
     });
   });

@@ -153,10 +153,14 @@ template <SlotKind Kind, class Queue>
 static __device__ __noinline__ std::uint32_t test_queue_exactly(const SearchTask& task, Queue queue,
                                                                 std::uint32_t count, bool counts) {
   const auto* const slots = slots_of<Kind>(task);
-  return keep_those<1>(queue, count, [&](const typename Queue::Word(&word)[1], bool(&hit)[1]) {
-    const std::uint32_t i = queue.i(word[0]), j = queue.j(word[0]);
-    if (hit[0]) hit[0] = test<Kind>(task, i, load_slot(slots + i), j, load_slot(slots + j), counts);
-  });
+  std::uint32_t doubtful = 0;
+  const std::uint32_t hits =
+      keep_those<1>(queue, count, [&](const typename Queue::Word(&word)[1], bool(&hit)[1]) {
+        const std::uint32_t i = queue.i(word[0]), j = queue.j(word[0]);
+        if (hit[0]) hit[0] = test<Kind>(task, i, load_slot(slots + i), j, load_slot(slots + j), doubtful);
+      });
+  if (counts) count_doubtful(task, doubtful);
+  return hits;
 }
 // `doubt`: float is not enough for the lane's own sphere. MayRound: slots may be doubles rounded to float.
 template <SlotKind Kind, bool MayRound, class Queue>
@@ -173,7 +177,7 @@ __device__ __forceinline__ std::uint32_t test_queue(const SearchTask& task, cons
 #pragma unroll
         for (int u = 0; u < kAtOnce; u++) {
           bool sure;
-          const bool in = float_test<Kind>(task, a[u], b[u], MayRound && task.rounded, sure);
+          const bool in = float_test<Kind>(task, a[u], b[u], MayRound && task.spheres.rounded, sure);
           hit[u] = hit[u] && in;
           doubt = doubt || (hit[u] && !sure);
         }

@@ -58,9 +58,8 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   // The outer box stays outside by one band when its faces are rounded inwards.
   task.inner = float_box(options.own, -options.owner_band);
   task.outer = float_box(options.own, 2 * options.owner_band);
-  task.rounded = options.rounded;
   task.defers = options.defers;
-  task.wide = options.rounded ? kWideRounded : kWide, task.near = options.rounded ? kNearRounded : kNear;
+  task.wide = spheres.rounded ? kWideRounded : kWide, task.near = spheres.rounded ? kNearRounded : kNear;
   task.code_limit = code_limit(grid, spheres.bins, options.radius + grid.level[0].grown_by);
   task.test_all = source.filtered || !options.owns_all;
   if (spheres.kind == SlotKind::fixed_point) task.places_repeat = places_repeat(grid);
@@ -79,8 +78,8 @@ SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processor
   SearchPlan plan;
   const Ordered& spheres = task.spheres;
   // The fused search asks for the owner in the variant that several GPUs need most.
-  const bool owned =
-      task.only_owner && !task.stable_order && !task.rounded && record_kind(task) != RecordKind::from_given;
+  const bool owned = task.only_owner && !task.stable_order && !task.spheres.rounded &&
+                     record_kind(task) != RecordKind::from_given;
   if (spheres.count >= tuning::kFusedSpheres && spheres.float_levels && (!task.test_all || owned) &&
       (task.output.scalar == Scalar::f32 || task.output.width == Width::pairs)) {
     plan.family = KernelFamily::fused_levels;

@@ -22,7 +22,6 @@ struct SearchOptions {
   // the room larger and searches again; the other contacts alone are counted then.
   bool defers = false;
   std::uint64_t long_rows = 0;
-  bool rounded = false;  // slots are doubles rounded to float (kMostRounded)
   friend bool operator==(const SearchOptions&, const SearchOptions&) = default;
 };
 

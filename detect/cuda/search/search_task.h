@@ -43,8 +43,6 @@ struct SearchTask : OutputTask {
   // Fixed-point places repeat each 256 bins, and a bucket of a hashed level holds spheres that are as far
   // from each other: what touches by them must be asked in double.
   bool places_repeat = false;
-  // Slots are doubles rounded to float: what float is not sure of, and every record, goes by the doubles.
-  bool rounded = false;
   // What float_test() adds to squares, and how far from that it is not sure, both relative (exact_test.h).
   float wide = 0, near = 0;
   float sum = 0, sum_squared = 0;  // of the radii and the margin together, for SlotKind::equal

@@ -30,18 +30,19 @@ __device__ __noinline__ std::uint32_t test_unit_exactly(const SearchTask& task, 
                                                         bool counts) {
   const auto* const slots = slots_of<Kind>(task);
   const std::uint32_t lane = threadIdx.x & 31, below = (1u << lane) - 1;
-  std::uint32_t hits = 0;
+  std::uint32_t hits = 0, doubtful = 0;
 #pragma unroll 1
   for (std::uint32_t from = 0; from < count; from += 32) {
     const std::uint32_t k = min(from + lane, count - 1), j = queue.index[k], query = queue.who[k];
     const bool hit = from + lane < count && test<Kind>(task, queries.index(query), queries.slot[query], j,
-                                                       load_slot(slots + j), counts);
+                                                       load_slot(slots + j), doubtful);
     const std::uint32_t has = __ballot_sync(kFullWarp, hit), to = hits + __popc(has & below);
     __syncwarp();  // all have read what is written over
     if (hit) queue.index[to] = j, queue.who[to] = static_cast<unsigned char>(query);
     hits += __popc(has);
     __syncwarp();
   }
+  if (counts) count_doubtful(task, doubtful);
   return hits;
 }
 
@@ -87,7 +88,7 @@ __device__ __noinline__ std::uint32_t search_unit_in_parts(const SearchTask& tas
                     [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
                       bool sure;
                       const bool hit =
-                          float_test<Kind>(task, queries.slot[query], b, task.rounded, sure) && valid;
+                          float_test<Kind>(task, queries.slot[query], b, task.spheres.rounded, sure) && valid;
                       const std::uint32_t has = __ballot_sync(kFullWarp, hit);
                       if (waiting + __popc(has) > UnitQueue::kCapacity) take_waiting();
                       doubt = doubt || (hit && !sure);
@@ -113,7 +114,7 @@ __device__ __forceinline__ std::uint32_t search_unit(const SearchTask& task, con
       task, grid, pairs, queries, warp, nth, true,
       [&](bool valid, std::uint32_t query, std::uint32_t j, const auto& b) {
         bool sure;
-        const bool hit = float_test<Kind>(task, queries.slot[query], b, task.rounded, sure) && valid;
+        const bool hit = float_test<Kind>(task, queries.slot[query], b, task.spheres.rounded, sure) && valid;
         doubt = doubt || (hit && !sure);
         const std::uint32_t has = __ballot_sync(kFullWarp, hit), to = hits + __popc(has & below);
         if (hit && to < UnitQueue::kCapacity)
