@@ -78,8 +78,8 @@ int main(int argc, char** argv) {
   add_whole(*hopper, "--segments", bunker.segments, "a multiple of 8", 16, 720);
 
   return cli::run(app, argc, argv, [&] {
-    const bool all = app.get_subcommands().empty();
-    const auto write = [&](CLI::App* part, const char* what, const auto& make, int decimals) {
+    const auto write = [&](CLI::App* part, const char* what, int decimals, const auto& make) {
+      if (!app.get_subcommands().empty() && !*part) return;  // another one is asked for
       const Mesh mesh = made(part, make);
       const std::string path = folder + "/" + part->get_name() + ".obj";
       write_file(
@@ -88,18 +88,10 @@ int main(int argc, char** argv) {
                     decimals));
       std::cerr << path << ": " << mesh.triangles.size() << " triangles\n";
     };
-    if (all || *track_shoe)
-      write(
-          track_shoe, "Single-pin track shoe", [&] { return assets::make_track_shoe(shoe); }, 7);
-    if (all || *road_wheel)
-      write(
-          road_wheel, "Road wheel", [&] { return assets::make_road_wheel(wheel); }, 7);
-    if (all || *one_grain)
-      write(
-          one_grain, "Grain", [&] { return assets::make_grain(grain); }, 9);
-    if (all || *hopper)
-      write(
-          hopper, "Hopper", [&] { return assets::make_hopper(bunker); }, 7);
+    write(track_shoe, "Single-pin track shoe", 7, [&] { return assets::make_track_shoe(shoe); });
+    write(road_wheel, "Road wheel", 7, [&] { return assets::make_road_wheel(wheel); });
+    write(one_grain, "Grain", 9, [&] { return assets::make_grain(grain); });
+    write(hopper, "Hopper", 7, [&] { return assets::make_hopper(bunker); });
     return 0;
   });
 }

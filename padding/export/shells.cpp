@@ -19,12 +19,6 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "numbers are written as they lie in memory");
 
-// The triangles of one body that are seen from outside, placed in the world.
-struct Shell {
-  std::vector<Point> points;
-  std::vector<std::array<std::uint32_t, 3>> triangles;
-};
-
 // For each sphere those that it overlaps, in any order.
 std::vector<std::vector<std::uint32_t>> overlapping(const Cluster& c) {
   std::vector<std::uint32_t> order(c.size());
@@ -43,11 +37,12 @@ std::vector<std::vector<std::uint32_t>> overlapping(const Cluster& c) {
   return out;
 }
 
-Shell shell_of(const Cluster& c, const Eigen::Isometry3d& pose) {
+// The triangles of one body that are seen from outside, placed in the world.
+Mesh shell_of(const Cluster& c, const Eigen::Isometry3d& pose) {
   static const Icosphere sphere = icosphere(2);
   constexpr std::uint32_t unused = ~std::uint32_t(0);
   auto others = overlapping(c);
-  Shell out;
+  Mesh out;
   std::vector<std::uint32_t> index(sphere.points.size());
   for (std::uint32_t k = 0; k < c.size(); k++) {
     std::fill(index.begin(), index.end(), unused);
@@ -114,7 +109,7 @@ Files write_stl(const Job& job) {
   out.resize(80, ' ');
   append_bytes(out, std::uint32_t(0));
   std::uint64_t count = 0;
-  each_shell(job.model, ".stl", [&](const Body&, const Shell& shell) {
+  each_shell(job.model, ".stl", [&](const Body&, const Mesh& shell) {
     count += shell.triangles.size();
     for (const auto& t : shell.triangles) {
       const Point &a = shell.points[t[0]], &b = shell.points[t[1]], &c = shell.points[t[2]];
@@ -132,7 +127,7 @@ Files write_stl(const Job& job) {
 Files write_ply(const Job& job) {
   std::string vertices, faces;
   std::uint64_t points = 0, triangles = 0;
-  each_shell(job.model, ".ply", [&](const Body& body, const Shell& shell) {
+  each_shell(job.model, ".ply", [&](const Body& body, const Mesh& shell) {
     const Colour colour = colour_of_kind(body.cluster.family);
     for (const Point& p : shell.points) {
       append_bytes(vertices, p);
@@ -159,7 +154,7 @@ Files write_obj(const Job& job) {
   std::string out = "# " + origin(job.model) + "\n";
   std::uint64_t points = 1;  // the first vertex is number 1
   const std::vector<std::string> names = identifiers(job.model);
-  each_shell(job.model, nullptr, [&](const Body& body, const Shell& shell) {
+  each_shell(job.model, nullptr, [&](const Body& body, const Mesh& shell) {
     out += "o " + names[static_cast<std::size_t>(&body - job.model.bodies.data())] + "\n";
     std::string colour;
     for (const std::uint8_t c : colour_of_kind(body.cluster.family))

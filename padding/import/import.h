@@ -16,8 +16,8 @@ namespace padder {
 // where the file has them. Mass and accuracy stay 0; `bounds` is the box of the spheres. In a file of several
 // links or clumps, `part` names the one wanted. Throws Error, which names the file and the place: the file
 // cannot be read, has no sphere, a number that is none or not finite, a radius that is not positive (cuRobo
-// switches a sphere off by one: there it is left out), several
-// families in one body, or several parts when none is named (the message lists them).
+// switches a sphere off by one: there it is left out), several families in one body, or several parts when
+// none is named (the message lists them).
 Cluster read_spheres(const std::filesystem::path& path, const std::string& part = {});
 
 // Is this a file of spheres by its ending, one that read_spheres reads and that no mesh has? Or the folder of

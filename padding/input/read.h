@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Reads mesh files into a triangle soup: OBJ, STL, PLY, OFF, glTF and GLB, FBX, COLLADA, 3DS, 3MF. Only
-// geometry is read: no material, texture, bone, animation, camera or light.
+// Reads mesh files into a triangle soup: OBJ, STL, PLY, OFF, glTF and GLB, FBX, COLLADA, 3DS, 3MF and
+// MuJoCo's MSH. Only geometry is read: no material, texture, animation, camera or light.
 #pragma once
 #include <strings.h>
 
@@ -36,15 +36,15 @@ struct ReadResult {
 //
 // * Polygons are split into triangles inside themselves, concave ones too (padding/input/polygon.h).
 // * Nodes of a scene: each instance of a mesh is placed by the transforms above it. Where these mirror, the
-//   faces are turned over, so that outside stays outside.
-// * Numbers of OBJ, OFF, PLY and 3MF are read in double precision (a PLY's floats as floats). The others pass
-//   through assimp, which keeps float32: about seven digits, and nothing beyond 3.4e38. A binary STL has no
-//   more than that.
+//   faces are turned over, so that outside stays outside. A glTF's skin stands where its joints hold it.
+// * Numbers of OBJ, OFF, PLY, 3MF and a text STL are read in double precision (a PLY's floats as floats). A
+//   binary STL and an MSH hold float32: about seven digits, and nothing beyond 3.4e38. The others pass
+//   through assimp, which keeps no more than that.
 // * Unit: 3MF names its unit, or means millimetres (microns are converted to mm, feet to in). glTF
 //   comes in metres and with Y up. COLLADA's unit is converted to metres; its coordinates stay, whichever
 //   axis it calls up, as ROS has it. FBX comes in the unit that it names. When options.unit is another one,
-//   coordinates are converted. OBJ, STL, PLY, OFF and 3DS name no unit: for them options.unit is only a
-//   label.
+//   coordinates are converted. OBJ, STL, PLY, OFF, 3DS and MSH name no unit: for them options.unit is only
+//   a label.
 // * Scale multiplies last. Without options.unit, the unit of the result is then unknown.
 // * Strips of PLY and glTF become triangles, every second one turned.
 // * 3MF: only what is to be built is read, with its components and transforms, but without supports. The
@@ -55,9 +55,9 @@ struct ReadResult {
 //   name than face or tristrips, extensions that a 3MF or glTF needs.
 // * sha256 is that of the named file alone, without the buffers that a .gltf refers to.
 //
-// tinyobjloader reads OBJ. OFF, PLY, STL and 3MF are read here, because assimp 5.2 keeps only floats, drops
-// faces of an OFF with more than nine corners, takes the strips of a PLY for one triangle, and does not tell
-// the unit of a 3MF. assimp reads the rest. Each file is read in a process of its own
+// tinyobjloader reads OBJ. OFF, PLY, STL, 3MF and MSH are read here, because assimp 5.2 keeps only floats,
+// drops faces of an OFF with more than nine corners, takes the strips of a PLY for one triangle, does not
+// tell the unit of a 3MF, and knows no MSH. assimp reads the rest. Each file is read in a process of its own
 // (padding/asset/child.h).
 //
 // Throws Error, one sentence that names the file and the place, for: an absent or empty file, an unknown

@@ -100,6 +100,10 @@ Triangle3 corners(const CgalMesh& mesh, Halfedge h) {  // the edge of h first
   return {at(mesh, mesh.source(h)), at(mesh, mesh.target(h)), at(mesh, mesh.target(mesh.next(h)))};
 }
 
+double length_of(const CgalMesh& mesh, Halfedge h) {
+  return (at(mesh, mesh.target(h)) - at(mesh, mesh.source(h))).norm();
+}
+
 // The angle that faces h in its face.
 double opposite_angle(const CgalMesh& mesh, Halfedge h) { return corners(mesh, h).angle(2); }
 
@@ -163,7 +167,7 @@ class ThinCollapse {
       Halfedge shortest = mesh_.halfedge(f);
       if (least_angle(corners(mesh_, shortest)) >= kSmallAngle) continue;
       for (const Halfedge h : mesh_.halfedges_around_face(shortest))
-        if (length(h) < length(shortest)) shortest = h;
+        if (length_of(mesh_, h) < length_of(mesh_, shortest)) shortest = h;
       for (const Halfedge h : {shortest, mesh_.opposite(shortest)})
         if (allowed(h)) {
           collapse(h), done++;
@@ -175,7 +179,6 @@ class ThinCollapse {
   }
 
  private:
-  double length(Halfedge h) const { return (at(mesh_, mesh_.target(h)) - at(mesh_, mesh_.source(h))).norm(); }
   bool is_kept(Edge e) const { return sharp_[e] || mesh_.is_border(e); }
 
   bool allowed(Halfedge h) const {
@@ -244,8 +247,7 @@ std::size_t split_slivers(CgalMesh& mesh, SharpMap& sharp, double limit) {
     Halfedge longest = mesh.halfedge(f);
     double length = 0;
     for (const Halfedge h : mesh.halfedges_around_face(mesh.halfedge(f))) {
-      const double l = (at(mesh, mesh.target(h)) - at(mesh, mesh.source(h))).norm();
-      if (l > length) length = l, longest = h;
+      if (const double l = length_of(mesh, h); l > length) length = l, longest = h;
     }
     const Triangle3 t = corners(mesh, longest);
     const Vector e = t.b - t.a;
@@ -314,11 +316,9 @@ void make_even(const Faces& faces, CgalMesh& mesh, SharpMap& sharp, double lengt
 bool is_in_row(const CgalMesh& mesh, const SharpMap& sharp, Halfedge h) {
   const Triangle3 t = corners(mesh, h);
   if (least_angle(t) >= kRowAngle || std::max({t.angle(0), t.angle(1), t.angle(2)}) > kCapAngle) return false;
-  const auto length = [&](Halfedge g) {
-    return (at(mesh, mesh.target(g)) - at(mesh, mesh.source(g))).norm();
-  };
-  const Halfedge shortest = std::min({h, mesh.next(h), mesh.prev(h)},
-                                     [&](Halfedge a, Halfedge b) { return length(a) < length(b); });
+  const Halfedge shortest = std::min({h, mesh.next(h), mesh.prev(h)}, [&](Halfedge a, Halfedge b) {
+    return length_of(mesh, a) < length_of(mesh, b);
+  });
   const auto lines = [&](Vertex v) {
     int count = 0;
     for (const Halfedge g : mesh.halfedges_around_target(mesh.halfedge(v)))

@@ -165,7 +165,8 @@ class UrdfReader {
       fail(where + ": its <" + excerpt(node.name()) + "> has more than one <" + name + ">: leave one");
     return node.child(name);
   }
-  void check_shapes(const pugi::xml_node& geometry, const std::string& where) const {
+  // Empty where there is none that is known.
+  pugi::xml_node only_shape(const pugi::xml_node& geometry, const std::string& where) const {
     pugi::xml_node found;
     for (const char* name : {"mesh", "box", "cylinder", "capsule", "sphere"})
       if (const pugi::xml_node shape = only_child(geometry, name, where)) {
@@ -174,6 +175,7 @@ class UrdfReader {
                name + ">: leave one, or write an element for each");
         found = shape;
       }
+    return found;
   }
 
   // An empty attribute gives `otherwise`.
@@ -294,37 +296,34 @@ class UrdfReader {
       robot.notes.push_back(link.name + ": a " + point + ", which is a point, was left out");
     };
     for (const auto& element : node.children(kind)) {
-      const pugi::xml_node geometry = only_child(element, "geometry", where);
-      check_shapes(geometry, where);
+      const pugi::xml_node geometry = only_child(element, "geometry", where),
+                           given = only_shape(geometry, where);
+      const std::string_view type = given.name();
       RobotShape shape;
       shape.pose = place(only_child(element, "origin", where), where);
-      if (const auto mesh = geometry.child("mesh")) {
-        shape.file = found(mesh.attribute("filename").as_string(), where);
-        shape.scale = three(mesh.attribute("scale"), Vector::Ones(), where);
+      if (type == "mesh") {
+        shape.file = found(given.attribute("filename").as_string(), where);
+        shape.scale = three(given.attribute("scale"), Vector::Ones(), where);
         if ((shape.scale.array() == 0).any()) fail(where + ": a mesh has a scale of 0");
-      } else if (const auto box = geometry.child("box")) {
+      } else if (type == "box") {
         shape.type = RobotShape::Type::box;
-        shape.size = three(box.attribute("size"), Vector::Constant(-1), where);
+        shape.size = three(given.attribute("size"), Vector::Constant(-1), where);
         if (shape.size.isZero(0)) {  // of links that stand for a place, as the base of Kinova's arms
           leave_out("box of size 0");
           continue;
         }
         if (!(shape.size.minCoeff() > 0)) fail(where + ": a box has no positive size");
-      } else if (const auto cylinder = geometry.child("cylinder")) {
-        shape.type = RobotShape::Type::cylinder;
-        const double r = positive(cylinder, "radius", where);
-        shape.size = {r, r, positive(cylinder, "length", where)};
-      } else if (const auto capsule = geometry.child("capsule")) {
-        shape.type = RobotShape::Type::capsule;
-        const double r = positive(capsule, "radius", where);
-        shape.size = {r, r, positive(capsule, "length", where)};
-      } else if (const auto sphere = geometry.child("sphere")) {
-        if (one(sphere, "radius", where) == 0) {  // a place where Drake looks for contacts
+      } else if (type == "cylinder" || type == "capsule") {
+        shape.type = type == "cylinder" ? RobotShape::Type::cylinder : RobotShape::Type::capsule;
+        const double r = positive(given, "radius", where);
+        shape.size = {r, r, positive(given, "length", where)};
+      } else if (type == "sphere") {
+        if (one(given, "radius", where) == 0) {  // a place where Drake looks for contacts
           leave_out("sphere of radius 0");
           continue;
         }
         shape.type = RobotShape::Type::sphere;
-        shape.size = Vector::Constant(positive(sphere, "radius", where));
+        shape.size = Vector::Constant(positive(given, "radius", where));
       } else {
         const std::string unknown = geometry.first_child().name();
         fail(where + ": its geometry is none of mesh, box, cylinder, capsule, sphere" +

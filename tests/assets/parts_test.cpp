@@ -17,6 +17,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/input/read.h"
+#include "tests/padding/shapes.h"
 #include "tests/temporary_folder.h"
 
 namespace padder::assets {
@@ -26,7 +27,7 @@ namespace fs = std::filesystem;
 namespace pmp = CGAL::Polygon_mesh_processing;
 using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
 using Surface = CGAL::Surface_mesh<Kernel::Point_3>;
-using std::numbers::pi;
+using shapes::polygon_area, shapes::volume, std::numbers::pi;
 
 Surface to_surface(const Mesh& mesh) {
   std::vector<Kernel::Point_3> points;
@@ -45,15 +46,13 @@ void expect_solid(const Mesh& mesh, int genus) {
   EXPECT_TRUE(CGAL::is_closed(s));
   EXPECT_FALSE(pmp::does_self_intersect(s));
   EXPECT_TRUE(pmp::does_bound_a_volume(s));
-  EXPECT_GT(mass_properties(mesh).volume, 0);
+  EXPECT_GT(volume(mesh), 0);
   const long euler = static_cast<long>(s.number_of_vertices()) - static_cast<long>(s.number_of_edges()) +
                      static_cast<long>(s.number_of_faces());
   EXPECT_EQ(euler, 2 - 2 * genus);
   EXPECT_EQ(mesh.points.size(), s.number_of_vertices());  // and no point beside it
 }
 
-double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
-double polygon_area(int n, double radius) { return 0.5 * n * radius * radius * std::sin(2 * pi / n); }
 Vector size(const Mesh& mesh) { return mesh.bounds().high - mesh.bounds().low; }
 
 TEST(Parts, TheCommittedFilesAreWhatTheGeneratorMakes) {

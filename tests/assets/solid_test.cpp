@@ -12,7 +12,7 @@
 namespace padder::assets {
 namespace {
 
-using std::numbers::pi;
+using shapes::polygon_area, shapes::volume, std::numbers::pi;
 
 Mesh box(const Point& low, const Point& high) {
   std::vector<Ring> rings;
@@ -21,11 +21,6 @@ Mesh box(const Point& low, const Point& high) {
         {{low.x(), low.y(), z}, {high.x(), low.y(), z}, {high.x(), high.y(), z}, {low.x(), high.y(), z}});
   return loft(rings);
 }
-
-double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
-
-// Area of a regular polygon with n corners on a circle.
-double polygon_area(int n, double radius) { return 0.5 * n * radius * radius * std::sin(2 * pi / n); }
 
 TEST(Solid, LoftsHaveClosedFormVolumes) {
   EXPECT_NEAR(volume(box({0, 0, 0}, {1, 2, 3})), 6, 1e-12);

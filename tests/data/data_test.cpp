@@ -9,6 +9,7 @@
 
 #include "padding/asset/mesh.h"
 #include "padding/export/families.h"
+#include "padding/export/writers.h"
 #include "padding/input/read.h"
 #include "padding/robot.h"
 #include "tests/error_of.h"
@@ -96,12 +97,10 @@ TEST(Data, EveryLinkOfTheArmIsPadded) {
   }
   // base, upper and fore are joined one to the next, and tool is fixed to fore: only base and fore may touch
   // (and base and tool).
-  const CollisionFilter base{arm.model.bodies[0].cluster.family, arm.model.bodies[0].cluster.mask};
-  const CollisionFilter upper{arm.model.bodies[1].cluster.family, arm.model.bodies[1].cluster.mask};
-  const CollisionFilter fore{arm.model.bodies[2].cluster.family, arm.model.bodies[2].cluster.mask};
-  EXPECT_FALSE(may_touch(base, upper));
-  EXPECT_FALSE(may_touch(upper, fore));
-  EXPECT_TRUE(may_touch(base, fore));
+  const std::vector<CollisionFilter> filters = exporting::filters_of(arm.model);
+  EXPECT_FALSE(may_touch(filters[0], filters[1]));
+  EXPECT_FALSE(may_touch(filters[1], filters[2]));
+  EXPECT_TRUE(may_touch(filters[0], filters[2]));
 }
 
 }  // namespace

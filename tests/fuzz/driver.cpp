@@ -18,23 +18,18 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <iterator>
 #include <map>
 #include <random>
 #include <vector>
 
+#include "padding/asset/file.h"
 #include "tests/fuzz/targets.h"
 
 namespace {
 
 namespace fs = std::filesystem;
 using padder::fuzz::Target;
-
-std::string bytes_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 class Mutator {
  public:
@@ -108,7 +103,7 @@ std::vector<std::string> seeds_of(const Target& target, const fs::path& corpus) 
     std::string endings = target.endings;
     for (std::size_t at = 0; at < endings.size();) {
       const std::size_t end = std::min(endings.find(' ', at), endings.size());
-      if (name.ends_with(endings.substr(at, end - at))) seeds.push_back(bytes_of(file));
+      if (name.ends_with(endings.substr(at, end - at))) seeds.push_back(padder::read_file(file));
       at = end + 1;
     }
   }
@@ -122,7 +117,7 @@ int main(int argc, char** argv) {
   if (words.size() == 3 && words[0] == "--file") {
     const Target* target = padder::fuzz::find_target(words[2]);
     if (!target) return 2;
-    target->run(bytes_of(words[1]));
+    target->run(padder::read_file(words[1]));
     return 0;
   }
   constexpr double kNoLimit = 1e18;

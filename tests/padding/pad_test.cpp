@@ -5,6 +5,7 @@
 
 #include "padding/asset/error.h"
 #include "tests/error_of.h"
+#include "tests/padding/balls.h"
 #include "tests/padding/random_input.h"
 #include "tests/padding/threads.h"
 
@@ -21,11 +22,7 @@ ReadResult as_file(const Mesh& mesh) {
   return file;
 }
 
-bool in_spheres(const Cluster& c, const Point& p, double more = 0) {
-  for (std::size_t k = 0; k < c.size(); k++)
-    if ((c.centers[k] - p).norm() <= c.radii[k] + more) return true;
-  return false;
-}
+bool in_spheres(const Cluster& c, const Point& p, double more = 0) { return gap_to(balls_of(c), p) <= more; }
 
 void expect_refused(const Mesh& mesh, const PadOptions& options, const std::string& says) {
   EXPECT_TRUE(refuses([&] { const Padded p = pad(as_file(mesh), options); }, says));
@@ -289,8 +286,7 @@ TEST(Pad, RadiusLimitsAreKept) {
 // Checks what a certificate says on points of the union's surface, by solid angles and nearest points.
 double largest_protrusion(const Mesh& mesh, const Cluster& c, int points) {
   const Surface surface(mesh);
-  std::vector<Ball> balls;
-  for (std::size_t k = 0; k < c.size(); k++) balls.push_back({c.centers[k], c.radii[k]});
+  const std::vector<Ball> balls = balls_of(c);
   const BallSet set(balls);
   shapes::RandomInput random(11);
   double worst = 0;
@@ -621,12 +617,7 @@ TEST(Pad, JoinedCornersAreTakenOffBothErrors) {
       const double inside = std::min((c - low).minCoeff(), (high - c).minCoeff());
       EXPECT_LE(p.cluster.radii[k], inside + tolerance + 1e-9);
     }
-    for (const Point& corner : mesh.points) {
-      double apart = 1;
-      for (std::size_t k = 0; k < p.cluster.size(); k++)
-        apart = std::min(apart, (p.cluster.centers[k] - corner).norm() - p.cluster.radii[k]);
-      EXPECT_LE(apart, gap);
-    }
+    for (const Point& corner : mesh.points) EXPECT_LE(gap_to(balls_of(p.cluster), corner), gap);
   }
 }
 

@@ -636,14 +636,15 @@ class RealRobotTest : public RobotTest {
       EXPECT_EQ(ran.status, 0) << ran.output;
     }
     if (python_has("yaml")) {
-      const Ran ran = run("cd '" + folder_.string() +
-                          "' && '" PADDER_PYTHON
-                          "' -c 'import yaml\n"
-                          "c = yaml.safe_load(open(\"r.yaml\"))[\"robot_cfg\"][\"kinematics\"]\nx = "
-                          "yaml.safe_load(open(\"r.xrdf\"))\n"
-                          "g, = x[\"geometry\"].values()\nassert g[\"spheres\"] == c[\"collision_spheres\"]\n"
-                          "print(sum(len(s) for s in g[\"spheres\"].values()))'");
-      EXPECT_EQ(ran.output, std::to_string(r.model.spheres()) + "\n");
+      EXPECT_EQ(python(R"(
+import yaml
+c = yaml.safe_load(open("r.yaml"))["robot_cfg"]["kinematics"]
+x = yaml.safe_load(open("r.xrdf"))
+g, = x["geometry"].values()
+assert g["spheres"] == c["collision_spheres"]
+print(sum(len(s) for s in g["spheres"].values()))
+)"),
+                std::to_string(r.model.spheres()));
     }
 #ifdef PADDER_MUJOCO
     std::string xml = read_file(folder_ / "r.xml");

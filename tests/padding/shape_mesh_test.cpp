@@ -8,6 +8,7 @@
 #include "padding/asset/error.h"
 #include "padding/robot.h"
 #include "padding/verify/sphere_points.h"
+#include "tests/padding/balls.h"
 #include "tests/padding/export/samples.h"
 
 namespace padder::samples {
@@ -96,16 +97,11 @@ Exact united(const std::vector<Exact>& shapes) {
   return e;
 }
 
-double gap_at(const Cluster& c, const Point& p) {
-  double least = std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < c.size(); k++) least = std::min(least, (p - c.centers[k]).norm() - c.radii[k]);
-  return least;
-}
-
 double largest_gap(const Cluster& c, const std::vector<Point>& points) {
+  const std::vector<Ball> balls = balls_of(c);
   double most = 0;
 #pragma omp parallel for reduction(max : most)
-  for (std::size_t k = 0; k < points.size(); k++) most = std::max(most, gap_at(c, points[k]));
+  for (std::size_t k = 0; k < points.size(); k++) most = std::max(most, gap_to(balls, points[k]));
   return most;
 }
 

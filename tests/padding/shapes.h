@@ -70,32 +70,60 @@ inline Mesh sphere(int levels) {
   return mesh;
 }
 
+// Number k of n points on a circle around z, at this height.
+inline Point on_circle(double k, double n, double radius = 1, double z = 0) {
+  const double angle = 2 * std::numbers::pi * k / n;
+  return {radius * std::cos(angle), radius * std::sin(angle), z};
+}
+// Area of a regular polygon with n corners on a circle.
+inline double polygon_area(int n, double radius) {
+  return 0.5 * n * radius * radius * std::sin(2 * std::numbers::pi / n);
+}
+
+// Adds two triangles on four points, given in turn.
+inline void add_quad(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
+  mesh.triangles.push_back({a, b, c}), mesh.triangles.push_back({a, c, d});
+}
+
 // Torus around z: tube of radius `minor` about a circle of radius `major`, n x m quads.
 inline Mesh torus(double major, double minor, int n, int m) {
   Mesh mesh;
-  const double step = 2 * std::numbers::pi;
   for (int i = 0; i < n; i++)
     for (int j = 0; j < m; j++) {
-      const double u = step * i / n, v = step * j / m, w = major + minor * std::cos(v);
-      mesh.points.push_back({w * std::cos(u), w * std::sin(u), minor * std::sin(v)});
+      const double v = 2 * std::numbers::pi * j / m;
+      mesh.points.push_back(on_circle(i, n, major + minor * std::cos(v), minor * std::sin(v)));
       const auto at = [&](int k, int l) { return static_cast<std::uint32_t>((k % n) * m + l % m); };
-      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
+      add_quad(mesh, at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
     }
   return mesh;
 }
 
-// Two triangles, or 2 n^2, on the square [0, side]^2 at z = 0, seen from above.
-inline Mesh square(double side, int n = 1) {
+// A grid of n x m quads, whose corners are at(i, j) for i from 0 to n and j from 0 to m.
+template <class At>
+Mesh grid(int n, int m, const At& at) {
   Mesh mesh;
   for (int i = 0; i <= n; i++)
-    for (int j = 0; j <= n; j++) mesh.points.push_back({side * i / n, side * j / n, 0});
+    for (int j = 0; j <= m; j++) mesh.points.push_back(at(i, j));
+  const auto index = [&](int i, int j) { return static_cast<std::uint32_t>(i * (m + 1) + j); };
   for (int i = 0; i < n; i++)
-    for (int j = 0; j < n; j++) {
-      const auto at = [&](int k, int l) { return static_cast<std::uint32_t>(k * (n + 1) + l); };
-      mesh.triangles.push_back({at(i, j), at(i + 1, j), at(i + 1, j + 1)});
-      mesh.triangles.push_back({at(i, j), at(i + 1, j + 1), at(i, j + 1)});
-    }
+    for (int j = 0; j < m; j++)
+      add_quad(mesh, index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1));
+  return mesh;
+}
+// Two triangles, or 2 n^2, on the square [0, side]^2 at z = 0, seen from above.
+inline Mesh square(double side, int n = 1) {
+  return grid(n, n, [&](int i, int j) { return Point(side * i / n, side * j / n, 0); });
+}
+
+// A cone of height 1 on a base of radius 1, each of n triangles around its middle: the tip, which is point 0,
+// and the origin, which is point 1. The rim is bent up and down n / 4 times by `bend`.
+inline Mesh cone(std::uint32_t n, double bend = 0) {
+  Mesh mesh{{{0, 0, 1}, {0, 0, 0}}, {}};
+  for (std::uint32_t k = 0; k < n; k++) {
+    mesh.points.push_back(on_circle(k, n, 1, k % 4 < 2 ? bend : 0));
+    const std::uint32_t a = 2 + k, b = 2 + (k + 1) % n;
+    mesh.triangles.push_back({0, a, b}), mesh.triangles.push_back({1, b, a});
+  }
   return mesh;
 }
 
@@ -106,14 +134,11 @@ inline Mesh strips(std::uint32_t n, double width, double height) {
   for (const double z : {0.0, height})
     for (std::uint32_t k = 0; k <= n; k++)
       for (const double x : {0.0, 1.0}) mesh.points.push_back({x, k * width, z});
-  const auto quad = [&](std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
-    mesh.triangles.push_back({a, b, c}), mesh.triangles.push_back({a, c, d});
-  };
   for (std::uint32_t a = 0; a < e; a += 2) {
-    quad(a, a + 2, a + 3, a + 1), quad(m + a, m + a + 1, m + a + 3, m + a + 2);
-    quad(a, m + a, m + a + 2, a + 2), quad(a + 1, a + 3, m + a + 3, m + a + 1);
+    add_quad(mesh, a, a + 2, a + 3, a + 1), add_quad(mesh, m + a, m + a + 1, m + a + 3, m + a + 2);
+    add_quad(mesh, a, m + a, m + a + 2, a + 2), add_quad(mesh, a + 1, a + 3, m + a + 3, m + a + 1);
   }
-  quad(0, 1, m + 1, m), quad(e, m + e, m + e + 1, e + 1);
+  add_quad(mesh, 0, 1, m + 1, m), add_quad(mesh, e, m + e, m + e + 1, e + 1);
   return mesh;
 }
 
@@ -172,6 +197,7 @@ inline Mesh fin(const Point& a, const Point& b) {
           {{0, 1, 2}, {0, 2, 3}}};
 }
 
+inline double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
 inline bool in_box(const Point& p, const Point& low, const Point& high) {
   return (p.array() > low.array()).all() && (p.array() < high.array()).all();
 }

@@ -27,8 +27,16 @@ GIB = 1 << 30
 SANITIZERS = [name for name in (b"__asan_init", b"__tsan_init") if name in (BIN / "pad").read_bytes()]  # they reserve terabytes
 
 
+MODEL_OF_3MF = ('<Relationships><Relationship Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>'
+                "</Relationships>")
+
+
 def robot(inside, before=""):
     return f'<?xml version="1.0"?>{before}<robot name="r"><link name="a">{inside}</link></robot>'
+
+
+def scene(spheres=({"centers": [[0, 0, 1]], "radii": 1},), **more):
+    return json.dumps({"format": "padder.scene", "version": 1, "spheres": spheres, **more})
 
 
 class HostileTest(unittest.TestCase):
@@ -137,7 +145,7 @@ class HostileTest(unittest.TestCase):
                       "line.obj": "f" + " 1" * 10**6 + "\n"}, "pad", *QUICK)
 
     def scene_of(self, file):
-        return self.put("scene.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"file": file}]}))
+        return self.put("scene.json", scene([{"file": file}]))
 
     def test_ends_too_far_apart_and_no_xacro(self):
         for ends in ("0 0 0 1e300 1e300 0", "-1e308 0 0 1e308 0 0"):
@@ -161,9 +169,9 @@ class HostileTest(unittest.TestCase):
 
     def test_boxes_of_grains_without_end(self):
         def silo(low, high):
-            return json.dumps({"format": "padder.scene", "version": 1, "settle": {
+            return scene([], settle={
                 "material": {"density": 2500}, "duration": 1, "planes": [{"point": [0, 0, 0], "normal": [0, 0, 1]}],
-                "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.1}, "grains": [{"count": 300, "radius": 0.01, "low": low, "high": high}]}})
+                "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.1}, "grains": [{"count": 300, "radius": 0.01, "low": low, "high": high}]})
         self.refused({"wide.json": silo([-0.1, -0.1, 0], [0.1, 1e9, 3]), "wider.json": silo([-1e300, -1e300, 0], [1e300, 1e300, 1e300]),
                       "flat.json": silo([0, 0, 0], [0, 1e9, 1e9])}, "settle", "--steps", "1", "-o", "a.npz")
 
@@ -175,8 +183,7 @@ class HostileTest(unittest.TestCase):
                 with z.open(part, "w", force_zip64=True) as f:
                     for _ in range(size >> 24):
                         f.write(bytes(1 << 24))
-        rels = '<Relationships><Relationship Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
-        archive("bomb.3mf", "3D/3dmodel.model", 3 * GIB >> 1, **{"_rels/.rels": rels})
+        archive("bomb.3mf", "3D/3dmodel.model", 3 * GIB >> 1, **{"_rels/.rels": MODEL_OF_3MF})
         self.sentence("pad", "bomb.3mf", says="at most")
         archive("bomb.npz", "centers.npy", GIB >> 2)
         self.sentence("detect", self.scene_of("bomb.npz"), says="bomb.npz")
@@ -229,7 +236,7 @@ class HostileTest(unittest.TestCase):
                                            "bufferViews": [{"buffer": 0, "byteLength": 36}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}], "scene": 0,
                                            "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}]}))
             self.sentence("pad", "a.gltf")
-            self.put("a.json", json.dumps({"format": "padder.scene", "version": 1, "clusters": {"a": name}, "bodies": [{"cluster": "a", "position": [0, 0, 0]}]}))
+            self.put("a.json", scene([], clusters={"a": name}, bodies=[{"cluster": "a", "position": [0, 0, 0]}]))
             self.sentence("detect", "a.json")
             self.put("a.urdf", robot(f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'))
             self.sentence("pad", "a.urdf")
@@ -324,13 +331,18 @@ class HostileTest(unittest.TestCase):
         self.put("cube.obj", CUBE)
         self.sentence("pad", "cube.obj", "-o", "-", *QUICK, says="TMPDIR", limit=lambda: os.putenv("TMPDIR", "/nonexistent"))
 
+    def run_to_nobody(self, name, *words, **more):
+        """Into a pipe whose reader has ended."""
+        read, write = os.pipe()
+        os.close(read)
+        done = subprocess.run([BIN / name, *words], cwd=self.folder, stdout=write, stderr=subprocess.PIPE, **more)
+        os.close(write)
+        return done
+
     def test_pipes_that_close_early(self):
         self.put("cube.obj", CUBE)
         for words in (["cube.obj", "--json"], ["--help"]):
-            read, write = os.pipe()
-            os.close(read)
-            done = subprocess.run([BIN / "pad", *words, *(QUICK if words[0] != "--help" else [])], cwd=self.folder, stdout=write, stderr=subprocess.PIPE)
-            os.close(write)
+            done = self.run_to_nobody("pad", *words, *(QUICK if words[0] != "--help" else []))
             # Ended by the signal, as a shell's pipes expect, or with a sentence: Python ignores SIGPIPE for its children unless told otherwise.
             self.assertIn(done.returncode, (-signal.SIGPIPE, 1), done.stderr)
             self.assertLessEqual(done.stderr.count(b"\n"), 1)
@@ -363,11 +375,7 @@ class HostileTest(unittest.TestCase):
                       ["preview", "cube.spheres.json", "-o", "-", "--format", "png", "--size", "64x64", "--samples", "1"]):
             if not (BIN / words[0]).exists():
                 continue
-            read, write = os.pipe()
-            os.close(read)
-            done = subprocess.run([BIN / words[0], *words[1:]], cwd=self.folder, stdout=write, stderr=subprocess.PIPE,
-                                  env={**os.environ, "TMPDIR": str(temporary)})
-            os.close(write)
+            done = self.run_to_nobody(*words, env={**os.environ, "TMPDIR": str(temporary)})
             self.assertEqual((done.returncode, done.stderr), (-signal.SIGPIPE, b""), words)
             self.assertEqual(os.listdir(temporary), [], words)
 
@@ -465,14 +473,13 @@ class HostileTest(unittest.TestCase):
         self.assertLess(time.monotonic() - begin, 10)
 
     def test_components_that_multiply_one_another(self):
-        rels = '<Relationships><Relationship Target="/3D/3dmodel.model" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
         triangle = '<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0" y="1" z="0"/></vertices>{}</mesh>'
         for name, mesh, says in (("nothing", "", ""), ("vertices", triangle.format(""), "points"),
                                  ("triangles", triangle.format('<triangles><triangle v1="0" v2="1" v3="2"/></triangles>'), "triangles")):
             objects = f'<object id="0">{mesh}</object>' + "".join(
                 f'<object id="{k}"><components>' + f'<component objectid="{k - 1}"/>' * 10 + "</components></object>" for k in range(1, 13))
             with zipfile.ZipFile(self.folder / "a.3mf", "w") as z:
-                z.writestr("_rels/.rels", rels)
+                z.writestr("_rels/.rels", MODEL_OF_3MF)
                 z.writestr("3D/3dmodel.model", f'<model><resources>{objects}</resources><build><item objectid="12"/></build></model>')
             begin = time.monotonic()
             self.sentence("pad", "a.3mf", says=says)
@@ -496,8 +503,7 @@ class HostileTest(unittest.TestCase):
         drop = self.as_nobody()
         self.put("cube.obj", CUBE)
         self.works("pad", "cube.obj", "-q", *QUICK)
-        self.put("long.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}],
-                                          "settle": {"time_step": 1e-6, "duration": 1e6}}))
+        self.put("long.json", scene(settle={"time_step": 1e-6, "duration": 1e6}))
         os.mkdir(self.folder / "closed"), os.chmod(self.folder / "closed", 0o555)
         heavy = ["pad", "cube.obj", "--depth", "0.1", "--edge-length", "0.1%"]
         for words in (["settle", "long.json", "-o", "{}/a.npz"], ["settle", "long.json", "-o", "{}/a.html"], ["settle", "long.json", "--checkpoint", "{}/a.npz"],
@@ -516,8 +522,7 @@ class HostileTest(unittest.TestCase):
     def test_options_that_would_do_nothing(self):
         self.put("cube.obj", CUBE)
         self.works("pad", "cube.obj", "-q", *QUICK)
-        self.put("seed.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}], "settle": {"seed": -1}}))
-        self.put("s.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}]}))
+        self.put("seed.json", scene(settle={"seed": -1})), self.put("s.json", scene())
         if (BIN / "settle").exists():
             self.sentence("settle", "seed.json", "--steps", "1", says="seed")
         if not (BIN / "preview").exists():
@@ -544,8 +549,7 @@ class HostileTest(unittest.TestCase):
         self.sentence("settle", "--make", "ball", "--count", "10", "-o", "b.html", code=2, says="--cluster")
         self.works("pad", "cube.obj", "-q", *QUICK)
         self.sentence("settle", "cube.spheres.json", says="it is a cluster")
-        self.put("stiff.json", json.dumps({"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 1]], "radii": 1}],
-                                           "settle": {"material": {"stiffness": 1e308}}}))
+        self.put("stiff.json", scene(settle={"material": {"stiffness": 1e308}}))
         self.sentence("settle", "stiff.json", "--steps", "1", says="at most 1e100")
 
     def test_a_kill_while_writing_leaves_no_half_asset(self):

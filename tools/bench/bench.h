@@ -58,6 +58,7 @@ Json compare(const Settings&);     // compare.cpp; no measurement: two documents
 // --- What benches share (common.cpp) ---
 
 double seconds_of(const std::function<void()>& work);
+double median(std::vector<double> values);                             // of an even number the upper one
 double median_seconds(int repeat, const std::function<void()>& work);  // one call before, not measured
 void say(const Settings&, const std::string& sentence);                // progress, on stderr
 // Throws what ends the program with exit code 2.
@@ -71,6 +72,10 @@ const detect::Contacts& detect_watched(detect::Detector& detector, const detect:
 std::uint64_t hash_watched(const detect::Detector& detector);
 
 std::vector<detect::BackendKind> backends(const Settings&);  // those asked for that are there
+const char* name_of(detect::BackendKind backend);            // "omp" or "cuda"
+// What --spheres says, or else the bench's own.
+std::vector<std::uint64_t> sizes_or(const Settings&, std::vector<std::uint64_t> own);
+std::uint64_t size_or(const Settings&, std::uint64_t own);
 // These borrow.
 detect::Spheres view_of(const detect::FloatSphere* spheres, std::uint64_t count);
 detect::Input input_of(const std::vector<detect::FloatSphere>& spheres);

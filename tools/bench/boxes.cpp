@@ -434,21 +434,20 @@ void gpu_rows(const Settings& s, Table& t) {
   const std::vector<std::uint64_t> dense = {28750000, 57500000, 115000000, 230000000}, poly100 = {40000000};
   for (const char* const name : {"dense", "poly100"}) {
     if (!s.scene.empty() && s.scene != name) continue;
-    for (const std::uint64_t n : !s.spheres.empty() ? s.spheres : *name == 'd' ? dense : poly100) {
+    for (const std::uint64_t n : sizes_or(s, *name == 'd' ? dense : poly100)) {
       const Scene scene = detect::generate(name, n, false);
       for (const int devices : numbers_of_gpus(s, 1)) row(s, t, name, scene, devices);
     }
   }
   if (s.scene.empty() || s.scene == "bodies")
-    for (const int devices : numbers_of_gpus(s, 1))
-      body_row(s, t, s.spheres.empty() ? 1000000 : s.spheres[0] / 64, devices);
+    for (const int devices : numbers_of_gpus(s, 1)) body_row(s, t, size_or(s, 64000000) / 64, devices);
   for (const bool whole : {false, true}) {
     if (!s.scene.empty() && s.scene != (whole ? "host" : "out-of-core")) continue;
-    const Scene scene = detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false);
+    const Scene scene = detect::generate("dense", size_or(s, 100000000), false);
     whole ? host_row(s, t, scene) : out_of_core_row(s, t, scene);
   }
   if (!s.scene.empty() && s.scene != "front") return;
-  const Scene full = detect::generate("dense", s.spheres.empty() ? 100000000 : s.spheres[0], false);
+  const Scene full = detect::generate("dense", size_or(s, 100000000), false);
   for (const int devices : numbers_of_gpus(s, 2))
     for (const bool moves : {false, true}) front_rows(s, t, full, devices, moves);
 }
@@ -458,9 +457,7 @@ void gpu_rows(const Settings&, Table&) {}
 #endif
 
 void cpu_rows(const Settings& s, Table& t) {
-  std::vector<std::uint64_t> sizes = s.spheres;
-  if (sizes.empty()) sizes = {250000, 500000, 1000000, 2000000};
-  for (const std::uint64_t n : sizes) {
+  for (const std::uint64_t n : sizes_or(s, {250000, 500000, 1000000, 2000000})) {
     const Scene scene = detect::generate("dense", n, false);
     const detect::Input input = input_of(scene);
     detect::BoxOptions o;

@@ -18,12 +18,16 @@ double seconds_of(const std::function<void()>& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
 double median_seconds(int repeat, const std::function<void()>& work) {
   work();
   std::vector<double> times;
   for (int k = 0; k < repeat; k++) times.push_back(seconds_of(work));
-  std::sort(times.begin(), times.end());
-  return times[times.size() / 2];
+  return median(times);
 }
 
 void say(const Settings& s, const std::string& sentence) {
@@ -61,6 +65,15 @@ std::vector<detect::BackendKind> backends(const Settings& s) {
     found.push_back(detect::BackendKind::cuda);
   return found;
 }
+
+const char* name_of(detect::BackendKind backend) {
+  return backend == detect::BackendKind::cuda ? "cuda" : "omp";
+}
+
+std::vector<std::uint64_t> sizes_or(const Settings& s, std::vector<std::uint64_t> own) {
+  return s.spheres.empty() ? own : s.spheres;
+}
+std::uint64_t size_or(const Settings& s, std::uint64_t own) { return sizes_or(s, {own})[0]; }
 
 detect::Spheres view_of(const detect::FloatSphere* spheres, std::uint64_t count) {
   detect::Spheres s = detect::spheres_of<float>(count, &spheres->x, &spheres->r);

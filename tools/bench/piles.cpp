@@ -70,13 +70,12 @@ class Table {
       for (std::size_t k = 0; k < 2 * sets.size() + 3; k++) call();
       std::vector<double> times;
       for (int k = 0; k < (moving ? 20 * s.repeat : s.repeat); k++) times.push_back(seconds_of(call));
-      std::sort(times.begin(), times.end());
-      const double median = times[times.size() / 2];
-      row[key] = median;
-      cells.push_back(number(median * 1e3, "%.3f"));
+      row[key] = median(times);
+      cells.push_back(number(median(times) * 1e3, "%.3f"));
       if (moving) {
-        row[std::string(key) + "_worst"] = times.back();
-        cells.push_back(number(times.back() * 1e3, "%.3f"));
+        const double worst = *std::max_element(times.begin(), times.end());
+        row[std::string(key) + "_worst"] = worst;
+        cells.push_back(number(worst * 1e3, "%.3f"));
         return;
       }
       const std::uint64_t found = call().count, found_hash = hash_watched(d);
@@ -93,7 +92,7 @@ class Table {
     measure("seconds_expanded", Bodies::expanded, Order::any, false);
     measure("seconds_automatic", Bodies::automatic, Order::any, false);
     if (cuda) stages(cells, row, sets.front()->input());
-    row["contacts"] = count, row["hash"] = std::to_string(hash), row["backend"] = cuda ? "cuda" : "omp";
+    row["contacts"] = count, row["hash"] = std::to_string(hash), row["backend"] = name_of(backend);
     rows.push_back(row);
     table.push_back(cells);
   }
@@ -119,10 +118,9 @@ class Table {
     }
     std::string text;
     Json medians = Json::array();
-    for (std::vector<double>& p : parts) {
-      std::sort(p.begin(), p.end());
-      medians.push_back(p[p.size() / 2]);
-      text += (text.empty() ? "" : " ") + number(p[p.size() / 2] * 1e3, "%.3f");
+    for (const std::vector<double>& p : parts) {
+      medians.push_back(median(p));
+      text += (text.empty() ? "" : " ") + number(median(p) * 1e3, "%.3f");
     }
     row["seconds_of_parts"] = medians;
     cells.push_back(text);

@@ -81,7 +81,7 @@ struct Times {
   double all = 0, cut = 0, copy = 0, detect = 0;  // of the median call
 };
 
-Times median(std::vector<Times> calls) {
+Times median_call(std::vector<Times> calls) {
   std::sort(calls.begin(), calls.end(), [](const Times& a, const Times& b) { return a.all < b.all; });
   return calls[calls.size() / 2];
 }
@@ -126,9 +126,8 @@ Result by_ranks(const Settings& s, const Session& session, const detect::CallOpt
     calls.push_back({session.longest(seconds), session.longest(r.cut_seconds),
                      session.longest(r.exchange_seconds), session.longest(r.detect_seconds)});
   }
-  return {median(calls), detector.report().contacts, detector.report().hash};
+  return {median_call(calls), detector.report().contacts, detector.report().hash};
 }
-
 Result by_threads(const Settings& s, const Session& session, const detect::CallOptions& options,
                   const Scene& scene) {
   detect::BoxOptions o;
@@ -144,7 +143,7 @@ Result by_threads(const Settings& s, const Session& session, const detect::CallO
     const detect::BoxReport& r = detector.report();
     calls.push_back({seconds, r.cut_seconds, r.copy_seconds, r.detect_seconds});
   }
-  return {median(calls), detector.report().contacts, detector.report().hash};
+  return {median_call(calls), detector.report().contacts, detector.report().hash};
 }
 
 #ifdef PADDER_CUDA
@@ -161,7 +160,7 @@ Times resident_times(const Settings& s, detect::ResidentDetector& detector, cons
     const detect::ResidentReport& r = detector.report();
     calls.push_back({longest(seconds), 0, longest(r.deal_seconds), longest(r.detect_seconds)});
   }
-  return median(calls);
+  return median_call(calls);
 }
 
 Result resident_by_ranks(const Settings& s, const Session& session, const detect::CallOptions& options,
@@ -260,7 +259,7 @@ Json ranks(const Settings& s) {
       MPI_Abort(MPI_COMM_WORLD, 1);
     }
   };
-  for (const std::uint64_t n : s.spheres.empty() ? std::vector<std::uint64_t>{57500000} : s.spheres) {
+  for (const std::uint64_t n : sizes_or(s, {57500000})) {
     measure(n, "in host memory", by_ranks, by_threads);
 #ifdef PADDER_CUDA
     if (s.backend != "omp" && gpus() > 0) measure(n, "on the GPUs", resident_by_ranks, resident_by_threads);

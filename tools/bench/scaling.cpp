@@ -37,7 +37,7 @@ class Table {
     using detect::Order, detect::Precision, detect::Width;
     const Settings& s = settings_;
     const bool cuda = backend == detect::BackendKind::cuda;
-    say(s, scene + " " + std::to_string(n) + (cuda ? " cuda" : " omp"));
+    say(s, scene + " " + std::to_string(n) + " " + name_of(backend));
     detect::CallOptions o;
     o.threads = s.threads;
     if (cuda) o.output = detect::Memory::device;
@@ -98,14 +98,13 @@ void loose_rows(const Settings& s, Table& t) {
   std::vector<Case> cases;
   for (const char* scene : {"dense", "dilute", "poly35", "poly100"}) {
     if (!s.scene.empty() && s.scene != scene) continue;
-    std::vector<std::uint64_t> sizes = s.spheres;
-    if (sizes.empty()) sizes = {100000, 1000000, 5000000};
+    std::vector<std::uint64_t> sizes = sizes_or(s, {100000, 1000000, 5000000});
     if (s.spheres.empty() && s.backend == "cuda" && std::string(scene) != "poly100")
       sizes.push_back(20000000);
     cases.push_back({scene, true, sizes});
   }
   if (s.scene == "coherent")
-    cases.push_back({"dense", false, s.spheres.empty() ? std::vector<std::uint64_t>{20000000} : s.spheres});
+    cases.push_back({"dense", false, sizes_or(s, {20000000})});
   else if (s.spheres.empty() && s.backend == "cuda" && s.scene.empty())
     cases.push_back({"dense", false, {20000000}});
   for (const Case& c : cases)

@@ -124,8 +124,7 @@ Times timed(detect::Detector& d, Frames& frames, int calls, bool moving) {
     times.push_back(seconds_of([&] { detect_watched(d, frames.input()); }));
     processor.push_back(static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC);
   }
-  std::sort(times.begin(), times.end()), std::sort(processor.begin(), processor.end());
-  return {times[times.size() / 2], times.back(), processor[processor.size() / 2]};
+  return {median(times), *std::max_element(times.begin(), times.end()), median(processor)};
 }
 
 struct Row {
@@ -141,7 +140,7 @@ class Table {
     const Settings& s = settings_;
     const bool cuda = backend == detect::BackendKind::cuda;
     const std::string name = r.scene->name + r.layout.name();
-    say(s, name + " " + std::to_string(n) + (cuda ? " cuda" : " omp"));
+    say(s, name + " " + std::to_string(n) + " " + name_of(backend));
     const std::vector<FloatSphere> spheres = uneven_scene(*r.scene, n);
     Frames frames(spheres, s.moving ? (n > 2000000 ? 5 : 9) : 1, r.layout, cuda);
     detect::CallOptions o;
@@ -291,10 +290,8 @@ Json scenes(const Settings& s) {
     if (name == "dense")
       rows.push_back({&scene, {.apart = true}}), rows.push_back({&scene, {.wide = true, .apart = true}});
   }
-  const std::vector<std::uint64_t> sizes =
-      s.spheres.empty() ? std::vector<std::uint64_t>{100000, 1000000, 5000000} : s.spheres;
   for (const detect::BackendKind backend : backends(s))
-    for (const std::uint64_t n : sizes)
+    for (const std::uint64_t n : sizes_or(s, {100000, 1000000, 5000000}))
       for (const Row& r : rows)
         if (s.scene.empty() || r.scene == &uneven_scenes()[0] || s.scene == r.scene->name)
           t.row(r, n, backend);

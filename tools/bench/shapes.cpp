@@ -78,15 +78,13 @@ double median_of(const Settings& s, detect::BackendKind backend, detect::Bodies 
   o.threads = s.threads, o.width = detect::Width::normals, o.bodies = way, o.order = detect::Order::any;
   if (backend == detect::BackendKind::cuda) o.output = detect::Memory::device;
   detect::Detector d({backend}, o);
-  const auto call = [&]() -> const detect::Contacts& { return detect_watched(d, input); };
-  for (int k = 0; k < 3; k++) call();
-  std::vector<double> times;
-  for (int k = 0; k < s.repeat; k++) times.push_back(seconds_of(call));
-  std::sort(times.begin(), times.end());
-  const std::uint64_t count = call().count;
+  std::uint64_t count = 0;
+  const auto call = [&] { count = detect_watched(d, input).count; };
+  call(), call();
+  const double seconds = median_seconds(s.repeat, call);
   if (contacts != ~std::uint64_t(0) && contacts != count) throw Error("two ways find different contacts");
   contacts = count;
-  return times[times.size() / 2];
+  return seconds;
 }
 
 }  // namespace
@@ -111,7 +109,7 @@ Json shapes(const Settings& s) {
                      expanded = median_of(s, backend, detect::Bodies::expanded, input, contacts),
                      automatic = median_of(s, backend, detect::Bodies::automatic, input, contacts),
                      over = automatic / std::min(first, expanded);
-        rows.push_back({{"backend", cuda ? "cuda" : "omp"},
+        rows.push_back({{"backend", name_of(backend)},
                         {"shape", c.shape},
                         {"spheres_each", c.spheres},
                         {"bodies", c.bodies},
@@ -121,7 +119,7 @@ Json shapes(const Settings& s) {
                         {"seconds_first", first},
                         {"seconds_expanded", expanded},
                         {"seconds_automatic", automatic}});
-        table.push_back({cuda ? "cuda" : "omp", c.shape, std::to_string(c.spheres), std::to_string(c.bodies),
+        table.push_back({name_of(backend), c.shape, std::to_string(c.spheres), std::to_string(c.bodies),
                          number(c.spacing, "%g"), anew ? "anew" : "moving", std::to_string(contacts),
                          number(first * 1e3, "%.3f"), number(expanded * 1e3, "%.3f"),
                          number(automatic * 1e3, "%.3f"), number(over, "%.2f")});

@@ -10,12 +10,10 @@ namespace padder::bench {
 
 Json speedup(const Settings& s) {
   if (!have_bullet()) BulletWorld{{}};
-  const std::vector<std::uint64_t> sizes =
-      s.spheres.empty() ? std::vector<std::uint64_t>{30000, 100000, 300000, 1000000} : s.spheres;
   Json rows = Json::array();
   Json table = Json::array({{"spheres", "contacts", "Bullet, first [s]", "Bullet, warm [s]",
                              "plain grid, 1 thread [ms]", "backend", "[ms]", "pairs only [ms]", "speedup"}});
-  for (const std::uint64_t n : sizes) {
+  for (const std::uint64_t n : sizes_or(s, {30000, 100000, 300000, 1000000})) {
     const std::vector<detect::FloatSphere> spheres = detect::generate("dense", n);
     say(s, std::to_string(n) + " spheres: Bullet");
     double first, warm;

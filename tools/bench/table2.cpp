@@ -76,9 +76,8 @@ Json moments_json(const Moments& m) { return {{"mean", m.mean()}, {"std", m.devi
 
 Json table2(const Settings& s) {
   if (!have_bullet()) BulletWorld{{}};
-  std::vector<std::uint64_t> sizes = s.spheres;
-  if (sizes.empty())
-    for (const PaperRow& p : kPaper) sizes.push_back(p.spheres);
+  std::vector<std::uint64_t> papers;
+  for (const PaperRow& p : kPaper) papers.push_back(p.spheres);
   Json rows = Json::array();
   Json table = Json::array({{"spheres", "record", "backend", "contacts", "double grid", "Bullet", "in both",
                              "distance: mean", "std", "normal: mean", "std", "point: mean", "std"}});
@@ -86,7 +85,7 @@ Json table2(const Settings& s) {
     return {
         {"bench", "table2"}, {"scene", "poly045"}, {"machine", machine()}, {"rows", rows}, {"table", table}};
   };
-  for (const std::uint64_t n : sizes) {
+  for (const std::uint64_t n : sizes_or(s, papers)) {
     say(s, std::to_string(n) + " spheres: Bullet");
     const std::vector<detect::FloatSphere> spheres = detect::generate("poly045", n);
     const std::vector<detect::Pair> oracle = plain_grid(spheres);

@@ -95,8 +95,7 @@ std::pair<double, double> median_step(settle::Stepper& stepper) {
     stepper.step(1);
     steps.push_back(effort.seconds - begun), detections.push_back(effort.detection_seconds - begun_detection);
   }
-  std::sort(steps.begin(), steps.end()), std::sort(detections.begin(), detections.end());
-  return {steps[20], detections[20]};
+  return {median(steps), median(detections)};
 }
 
 settle::SettleScene silo(std::uint64_t spheres) {
@@ -180,11 +179,10 @@ Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backe
 }
 
 std::vector<std::uint64_t> sizes_for(const Settings& s, detect::BackendKind backend) {
-  if (!s.spheres.empty()) return s.spheres;
-  if (backend == detect::BackendKind::omp) return {25000, 50000, 100000};
-  std::vector<std::uint64_t> sizes;
-  for (const auto& row : paper()) sizes.push_back(row.first);
-  return sizes;
+  if (backend == detect::BackendKind::omp) return sizes_or(s, {25000, 50000, 100000});
+  std::vector<std::uint64_t> papers;
+  for (const auto& row : paper()) papers.push_back(row.first);
+  return sizes_or(s, papers);
 }
 
 Json cells_of(const Json& r) {
@@ -230,8 +228,7 @@ Json table3(const Settings& s) {
            {"seconds", "seconds_detection_moving", "seconds_every_step", "seconds_history", "seconds_plain"})
         points[key].emplace_back(r["contacts"].get<double>(), r[key].get<double>());
       table.push_back(cells_of(r)), rows.push_back(r);
-      for (const auto& [key, of_key] : points)
-        squares[backend == detect::BackendKind::omp ? "omp" : "cuda"][key] = fitted_line(of_key).r2;
+      for (const auto& [key, of_key] : points) squares[name_of(backend)][key] = fitted_line(of_key).r2;
       result = {{"bench", "table3"},    {"machine", machine()}, {"gpu", device_name()},
                 {"r_squared", squares}, {"rows", rows},         {"table", table}};
       write_result(s, result);  // after each row: the next one takes longer

@@ -21,9 +21,9 @@ using detect::Sphere;
 // A scene of worlds. The bodies of world w are bodies[w * each] to bodies[(w + 1) * each - 1].
 struct WorldScene {
   std::string name;
-  std::vector<std::vector<Sphere>> spheres;  // of each shape
+  std::vector<SphereList> spheres;  // of each shape
   std::vector<Body> bodies;
-  std::vector<double> obstacles;  // x, y, z, r of loose spheres of every world
+  SphereList obstacles;  // loose spheres of every world
   std::uint32_t worlds = 0, each = 0;
 };
 
@@ -78,8 +78,8 @@ Body after(const Body& body, const Joint& j, double angle) {
 }
 
 // Where the bench was given no clusters: 73 spheres on a capsule about each link, 803 together.
-std::vector<Sphere> capsule(double length) {
-  std::vector<Sphere> spheres;
+SphereList capsule(double length) {
+  SphereList spheres;
   for (int k = 0; k < 73; k++) {
     const double around = k * std::numbers::pi * (3 - std::sqrt(5.0));
     spheres.push_back({0.04 * std::cos(around), 0.04 * std::sin(around), length * (k + 0.5) / 73, 0.03});
@@ -107,7 +107,7 @@ WorldScene arm(const Settings& s, std::uint32_t worlds) {
   }
   for (const std::string& file : s.files) {
     const Cluster c = read_cluster(file);
-    std::vector<Sphere>& to = scene.spheres.emplace_back();
+    SphereList& to = scene.spheres.emplace_back();
     for (std::size_t k = 0; k < c.size(); k++)
       to.push_back({c.centers[k].x(), c.centers[k].y(), c.centers[k].z(), c.radii[k]});
   }
@@ -127,10 +127,10 @@ WorldScene arm(const Settings& s, std::uint32_t worlds) {
       scene.bodies.push_back(link);
     }
   }
-  while (scene.obstacles.size() < 800) {
+  while (scene.obstacles.size() < 200) {
     const double x = random.signed_unit(), y = random.signed_unit(), z = 0.3 + random.signed_unit();
     if (std::hypot(x, y) < 0.3) continue;  // no obstacle stands in the base
-    scene.obstacles.insert(scene.obstacles.end(), {x, y, z, 0.02 + 0.03 * random.unit()});
+    scene.obstacles.push_back({x, y, z, 0.02 + 0.03 * random.unit()});
   }
   return scene;
 }
@@ -142,15 +142,15 @@ class WorldInput {
     for (const auto& s : scene.spheres) shapes_.push_back({s.data(), s.size()});
     input_.shapes = shapes_, input_.bodies = scene.bodies, input_.revision = 1;
     if (!scene.obstacles.empty())
-      input_.spheres = detect::spheres_of<double>(scene.obstacles.size() / 4, scene.obstacles.data(),
-                                                  scene.obstacles.data() + 3);
+      input_.spheres =
+          detect::spheres_of<double>(scene.obstacles.size(), &scene.obstacles[0].x, &scene.obstacles[0].r);
     input_.spheres.center_stride = input_.spheres.radius_stride = 4;
     input_.spheres.world_of_all = detect::kEveryWorld;
     if (!kWithCuda || !on_device) return;
     input_.poses = poses_.copy(scene.bodies, "the worlds"), input_.pose_memory = detect::Memory::device;
     detect::Spheres& s = input_.spheres;
     s.centers =
-        obstacles_.copy(scene.obstacles.data(), scene.obstacles.size() * sizeof(double), "the worlds");
+        obstacles_.copy(scene.obstacles.data(), scene.obstacles.size() * sizeof(Sphere), "the worlds");
     s.radii = static_cast<const double*>(s.centers) + 3, s.memory = detect::Memory::device;
   }
   const detect::Input& input() const { return input_; }
@@ -213,7 +213,7 @@ class Table {
     const double t =
         median_seconds(std::max(settings_.repeat, cuda ? 21 : 5), [&] { detect_watched(d, input); });
     add(obstacles ? "loose spheres, some of every world" : "loose spheres", each, "list", worlds,
-        detect_watched(d, input).count, cuda ? "cuda" : "omp", t);
+        detect_watched(d, input).count, name_of(backend), t);
   }
 
   Json rows = Json::array();
@@ -229,7 +229,7 @@ class Table {
     o.threads = settings_.threads, o.output = cuda ? detect::Memory::device : detect::Memory::host;
     detect::Detector d({backend}, o);
     const int repeat = std::max(settings_.repeat, cuda ? 21 : 3);
-    const char* by = cuda ? "cuda" : "omp";
+    const char* by = name_of(backend);
     if (list) {
       for (int k = 0; k < 3; k++) detect_watched(d, input.input());
       const double t = median_seconds(repeat, [&] { detect_watched(d, input.input()); });
@@ -294,11 +294,8 @@ class Table {
 
 Json worlds(const Settings& s) {
   Table t(s);
-  const auto count = [&](std::uint32_t own) {
-    return s.spheres.empty() ? own : static_cast<std::uint32_t>(s.spheres.front());
-  };
-  t.rows_of(pairs_of_bodies(count(8192)), true);
-  t.rows_of(arm(s, count(100000)), false);
+  t.rows_of(pairs_of_bodies(static_cast<std::uint32_t>(size_or(s, 8192))), true);
+  t.rows_of(arm(s, static_cast<std::uint32_t>(size_or(s, 100000))), false);
   for (const detect::BackendKind backend : backends(s))
     for (const auto& [of_world, obstacles] :
          {std::pair(100u, 0u), {10000u, 0u}, {1000000u, 0u}, {100u, 10u}, {10000u, 1000u}})

@@ -107,7 +107,7 @@ struct StepLimits {
 };
 StepLimits step_limits(const System& system);
 
-// The sphere of a body at its present place; by the function that the detector uses.
+// Puts the body's place and orientation into its pose.
 void place_body(System& system, std::size_t body);
 
 }  // namespace padder::settle

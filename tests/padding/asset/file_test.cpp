@@ -31,10 +31,11 @@ class File : public ::testing::Test, protected TemporaryFolder {
   std::size_t entries() const {
     return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder_), {}));
   }
-  void expect_error(const std::function<void()>& work, const std::string& words) {
-    EXPECT_TRUE(refuses(work, words));
-  }
 };
+template <class Work>
+void expect_error(const Work& work, const std::string& words) {
+  EXPECT_TRUE(refuses(work, words));
+}
 
 TEST_F(File, EveryByteComesBack) {
   std::string bytes;

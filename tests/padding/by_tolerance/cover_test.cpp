@@ -5,6 +5,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/geometry/random.h"
+#include "tests/padding/balls.h"
 #include "tests/padding/random_input.h"
 #include "tests/padding/shapes.h"
 #include "tests/padding/threads.h"
@@ -25,9 +26,7 @@ Sampled sampled_errors(const Surface& surface, const std::vector<Ball>& balls, i
   Random random(9);
   for (int k = 0; k < count; k++) {
     const Point x = random_point(random, mesh.corners(random.below(mesh.triangles.size())));
-    double gap = std::numeric_limits<double>::infinity();
-    for (const Ball& ball : balls) gap = std::min(gap, (x - ball.center).norm() - ball.radius);
-    errors.gap = std::max(errors.gap, gap);
+    errors.gap = std::max(errors.gap, gap_to(balls, x));
     const Ball& ball = balls[random.below(balls.size())];
     const double z = 2 * random.uniform() - 1, phi = 2 * std::numbers::pi * random.uniform();
     const double s = std::sqrt(1 - z * z);
@@ -108,13 +107,9 @@ Mesh sharp_solid(shapes::RandomInput& random, int kind) {
   } else if (kind == 1) {  // a cone, a needle or a disc
     const std::uint32_t sides = 3 + static_cast<std::uint32_t>(random.uniform(0, 22));
     const double radius = random.uniform(0, 1) < 0.5 ? thin : 1, height = radius < 1 ? 1 : thin;
-    for (std::uint32_t k = 0; k < sides; k++) {
-      const double angle = 2 * std::numbers::pi * k / sides;
-      mesh.points.push_back({radius * std::cos(angle), radius * std::sin(angle), 0});
-      mesh.triangles.push_back({k, (k + 1) % sides, sides + 1});
-      mesh.triangles.push_back({(k + 1) % sides, k, sides});
-    }
-    mesh.points.insert(mesh.points.end(), {{0, 0, 0}, {0, 0, height}});
+    mesh = shapes::mapped(shapes::cone(sides), [&](const Point& p) {
+      return Point(radius * p.x(), radius * p.y(), height * p.z());
+    });
   } else {
     const double a = random.uniform(0, 1), b = random.uniform(0, 1);
     mesh.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {a * b, (1 - a) * b, thin}};
@@ -225,19 +220,11 @@ TEST(Cover, ProvesNothingWithoutAnInside) {
   EXPECT_FALSE(cover.proved);  // the balls lie outside, where the normals say inside is
 }
 
-void expect_same_balls(const Cover& a, const Cover& b) {
-  ASSERT_EQ(a.balls.size(), b.balls.size());
-  for (std::size_t k = 0; k < a.balls.size(); k++) {
-    ASSERT_EQ(a.balls[k].center, b.balls[k].center);
-    ASSERT_EQ(a.balls[k].radius, b.balls[k].radius);
-  }
-}
-
 TEST(Cover, SameResultForAnyNumberOfThreads) {
   const Surface surface(unit(shapes::torus(1, 0.3, 40, 20)));
   const auto cover = [&] { return cover_surface(surface, {.protrusion = 0.01, .gap = 0.01}); };
   const Cover one = with_threads(1, cover);
-  for (const int threads : {2, 5}) expect_same_balls(with_threads(threads, cover), one);
+  for (const int threads : {2, 5}) expect_same(with_threads(threads, cover).balls, one.balls);
 }
 
 // Many balls: the blocks of one search run in parallel, and not the searches.
@@ -250,7 +237,7 @@ TEST(Cover, LargeCoversAreTheSameForAnyNumberOfThreads) {
   ASSERT_TRUE(one.proved);
   EXPECT_LE(protrusion_bound(surface, one.balls).max, e + 1e-15);
   EXPECT_LE(gap_bound(surface.mesh(), BallSet(one.balls), e).upper, e);
-  expect_same_balls(one, three);
+  expect_same(one.balls, three.balls);
 }
 
 TEST(Cover, AHigherEffortNeverGivesMoreBalls) {

@@ -5,6 +5,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/verify/union_shape.h"
+#include "tests/padding/balls.h"
 #include "tests/padding/random_input.h"
 #include "tests/padding/shapes.h"
 
@@ -138,9 +139,7 @@ TEST(Cull, NothingIsTriedThatACountForbids) {
   };
   Culled plain, smooth;
   EXPECT_EQ(told(1, smooth), told(0, plain));
-  ASSERT_EQ(smooth.balls.size(), plain.balls.size());
-  for (std::size_t k = 0; k < plain.balls.size(); k++)
-    EXPECT_EQ(smooth.balls[k].center, plain.balls[k].center);
+  expect_same(smooth.balls, plain.balls);
 }
 
 TEST(Cull, SomethingMustBeAsked) { EXPECT_THROW(cull(torus(), {}), Error); }

@@ -7,6 +7,7 @@
 #include "padding/by_tolerance/cull.h"
 #include "padding/geometry/random.h"
 #include "padding/verify/certify.h"
+#include "tests/padding/balls.h"
 #include "tests/padding/shapes.h"
 #include "tests/padding/threads.h"
 
@@ -75,9 +76,7 @@ TEST(Fill, FindsAndFillsAHollowWithinRadiusLimits) {
   EXPECT_TRUE(filled.covered);
   EXPECT_GE(filled.balls.size(), 1u);
   EXPECT_LT(filled.balls.size(), 60u);
-  ASSERT_EQ(again.balls.size(), filled.balls.size());
-  for (std::size_t k = 0; k < filled.balls.size(); k++)
-    ASSERT_EQ(again.balls[k].center, filled.balls[k].center);
+  expect_same(again.balls, filled.balls);
   std::vector<Ball> all = cover.balls;
   all.insert(all.end(), filled.balls.begin(), filled.balls.end());
   EXPECT_EQ(missed(surface, all, 4), 0) << "seed 4";

@@ -183,7 +183,7 @@ TEST_F(RobotsTest, PyYamlReadsNumbersAndPairs) {
   m.bodies[1].name = "yes: \"quoted\" # link";
   m.bodies[4].joint.lower = 0.1, m.bodies[4].joint.upper = 0.15;
   write(m, "a.yaml"), write(m, "a.xrdf");
-  write_file(folder_ / "check.py", R"(
+  EXPECT_EQ(python(R"(
 import yaml
 c = yaml.safe_load(open("a.yaml"))["robot_cfg"]["kinematics"]
 x = yaml.safe_load(open("a.xrdf"))
@@ -207,9 +207,8 @@ for key in ("default_joint_position", "null_space_weight", "cspace_distance_weig
     assert len(c["cspace"][key]) == 2
 assert c["cspace"]["default_joint_position"] == [0, 0.125]  # 0 is beyond the finger's limits: the middle
 print("well")
-)");
-  const Ran r = run("cd '" + folder_.string() + "' && '" PADDER_PYTHON "' check.py");
-  EXPECT_EQ(r.output, "well\n");
+)"),
+            "well");
 }
 
 TEST_F(RobotsTest, FilesByHand) {
@@ -239,25 +238,18 @@ TEST_F(RobotsTest, FilesByHand) {
                  "3'/><geom type='box' size='1 1 1'/></body></body></worldbody></mujoco>")
                 .centers[0],
             Point(1, 2, 3));
-  EXPECT_THROW(read("w.yml", "robot_cfg: {kinematics: {collision_spheres: spheres/franka.yml}}"), Error);
-  EXPECT_THROW(read("w.yml", "collision_spheres: {hand: [{center: [0, 1], radius: 1}]}"), Error);
-  EXPECT_THROW(read("w.yml", "collision_spheres: {hand: [{center: [0, 1, x], radius: 1}]}"), Error);
-  EXPECT_THROW(read("w.yml", "collision_spheres: {hand: [{center: [0, 1, 2], radius: 0}]}"), Error);
-  EXPECT_THROW(read("w.yml", "collision_spheres: {hand: 5}"), Error);
-  EXPECT_THROW(read("w.yml", "collision_spheres: {}"), Error);
-  EXPECT_THROW(read("w.yml", "[1, 2"), Error);
-  EXPECT_THROW(read("w.yml", "5"), Error);
-  EXPECT_THROW(read("w.yml", ""), Error);
-  EXPECT_THROW(read("u.urdf", "<robot><link name='a'>"), Error);
-  EXPECT_THROW(read("u.urdf", "<robots/>"), Error);
-  EXPECT_THROW(read("u.urdf",
-                    "<robot><link name='a'><collision><origin xyz='1 2'/><geometry><sphere "
-                    "radius='2'/></geometry></collision></link></robot>"),
-               Error);
-  EXPECT_THROW(read("u.urdf",
-                    "<robot><link name='a'><collision><geometry><sphere "
-                    "radius='two'/></geometry></collision></link></robot>"),
-               Error);
+  for (const char* wrong : {"robot_cfg: {kinematics: {collision_spheres: spheres/franka.yml}}",
+                            "collision_spheres: {hand: [{center: [0, 1], radius: 1}]}",
+                            "collision_spheres: {hand: [{center: [0, 1, x], radius: 1}]}",
+                            "collision_spheres: {hand: [{center: [0, 1, 2], radius: 0}]}",
+                            "collision_spheres: {hand: 5}", "collision_spheres: {}", "[1, 2", "5", ""})
+    EXPECT_THROW(read("w.yml", wrong), Error) << wrong;
+  for (const char* wrong : {"<robot><link name='a'>", "<robots/>",
+                            "<robot><link name='a'><collision><origin xyz='1 2'/><geometry><sphere "
+                            "radius='2'/></geometry></collision></link></robot>",
+                            "<robot><link name='a'><collision><geometry><sphere "
+                            "radius='two'/></geometry></collision></link></robot>"})
+    EXPECT_THROW(read("u.urdf", wrong), Error) << wrong;
 }
 
 // What a file says twice is not chosen from, what it nests is bounded, and none of it comes back at length or

@@ -78,23 +78,10 @@ inline Body body_of(const Model& model, const std::string& name) {
 
 const std::string kTet = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
 
-class ExportTest : public testing::Test, protected TemporaryFolder {
- protected:
-  // Written by the format of that name.
-  fs::path write(const Model& model, const std::string& file, const std::string& format = {}) {
-    write_model(model, folder_ / file, find_format(file, format));
-    return folder_ / file;
-  }
-  std::string text(const Model& model, const std::string& file, const std::string& format = {}) {
-    return read_file(write(model, file, format));
-  }
-};
-
 struct Ran {
   int status;
   std::string output;  // stdout and stderr
 };
-
 inline Ran run(const std::string& command) {
   Ran r{-1, ""};
   FILE* pipe = popen(("(" + command + ") 2>&1").c_str(), "r");
@@ -109,6 +96,29 @@ inline bool have(const std::string& program) { return run("command -v " + progra
 inline bool python_has(const std::string& module) {
   return run("'" PADDER_PYTHON "' -c 'import " + module + "'").status == 0;
 }
+
+class ExportTest : public testing::Test, protected TemporaryFolder {
+ protected:
+  // Written by the format of that name.
+  fs::path write(const Model& model, const std::string& file, const std::string& format = {}) {
+    write_model(model, folder_ / file, find_format(file, format));
+    return folder_ / file;
+  }
+  std::string text(const Model& model, const std::string& file, const std::string& format = {}) {
+    return read_file(write(model, file, format));
+  }
+  // In the folder of the test.
+  Ran run_here(const std::string& command) const {
+    return run("cd '" + folder_.string() + "' && " + command);
+  }
+  // What the Python script prints, without its last end of line.
+  std::string python(const std::string& script) const {
+    put("script.py", script);
+    std::string said = run_here("'" PADDER_PYTHON "' script.py").output;
+    if (said.ends_with('\n')) said.pop_back();
+    return said;
+  }
+};
 
 inline void expect_same_spheres(const Cluster& a, const Cluster& b, double tolerance = 0) {
   ASSERT_EQ(a.size(), b.size());

@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <random>
-
 #include "tests/padding/random_input.h"
 #include "tests/padding/shapes.h"
 
@@ -57,23 +55,17 @@ TEST(Medial, LargestIsKept) {
 // The contract holds on any shape, at any point, on edges and corners, with normals that are off by up to 60
 // degrees.
 TEST(Medial, PostconditionHoldsForAnyNormal) {
-  std::mt19937 random(3);
-  std::uniform_real_distribution<double> u(0, 1);
-  std::normal_distribution<double> gauss;
+  shapes::RandomInput random(3);
   for (const Mesh& mesh :
        {shapes::box({0, 0, 0}, {1, 2, 0.01}, 3), shapes::torus(1, 0.3, 24, 12), shapes::sphere(3)}) {
     const Surface surface(mesh);
     for (int k = 0; k < 2000; k++) {
-      const std::size_t t = random() % mesh.triangles.size();
-      double a = u(random), b = u(random);
-      if (a + b > 1) a = 1 - a, b = 1 - b;
-      if (k % 3 == 0) a = 0;      // on an edge
-      if (k % 9 == 0) a = b = 0;  // on a corner
-      const Point p = mesh.corner(t, 0) + a * (mesh.corner(t, 1) - mesh.corner(t, 0)) +
-                      b * (mesh.corner(t, 2) - mesh.corner(t, 0));
-      Vector normal = mesh.area_normal(t).normalized();
-      normal =
-          (normal + 0.5 * (k % 5) * Vector(gauss(random), gauss(random), gauss(random)) / 2).normalized();
+      const std::size_t t = random.below(mesh.triangles.size());
+      Point p = random.on(mesh, t);
+      if (k % 3 == 0) p = mesh.corner(t, 0) + random.uniform(0, 1) * (mesh.corner(t, 2) - mesh.corner(t, 0));
+      if (k % 9 == 0) p = mesh.corner(t, 0);
+      const Vector off = 0.25 * (k % 5) * random.uniform(0, 3) * random.direction();
+      const Vector normal = (mesh.area_normal(t).normalized() + off).normalized();
       const double tolerance = 1e-4;
       const Ball ball = inner_medial_ball(surface, p, normal, 3, tolerance);
       const Nearest at = surface.signed_nearest(ball.center);
@@ -103,13 +95,13 @@ TEST(Medial, ARoughSurfaceGivesTheBallsOfTheBody) {
 TEST(Medial, ABallNearbyChangesNothing) {
   const Mesh mesh = shapes::torus(1, 0.3, 24, 12);
   const Surface surface(mesh, SideBy::winding);
-  std::mt19937 random(3);
+  shapes::RandomInput random(3);
   int near = 0;
   for (int k = 0; k < 500; k++) {
-    const std::size_t s = random() % mesh.triangles.size(), t = (s + 1) % mesh.triangles.size();
+    const std::size_t s = random.below(mesh.triangles.size()), t = (s + 1) % mesh.triangles.size();
     const auto ball_at = [&](std::size_t triangle, const Ball& inner) {
-      const Point p = (mesh.corner(triangle, 0) + mesh.corner(triangle, 1) + mesh.corner(triangle, 2)) / 3;
-      return inner_medial_ball(surface, p, mesh.area_normal(triangle).normalized(), 3, 1e-4, 0.5, inner);
+      return inner_medial_ball(surface, mesh.middle(triangle), mesh.area_normal(triangle).normalized(), 3,
+                               1e-4, 0.5, inner);
     };
     const Ball inner = ball_at(s, {}), with = ball_at(t, inner), without = ball_at(t, {});
     near += (with.center - inner.center).norm() < inner.radius;

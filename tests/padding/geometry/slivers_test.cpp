@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <map>
-#include <numbers>
 
 #include "padding/geometry/surface.h"
 #include "tests/padding/random_input.h"
@@ -133,22 +132,8 @@ TEST(Slivers, ASheetOnACubeGetsABorderAndTheCubeStaysClosed) {
   EXPECT_TRUE(closed_manifold(apart));
 }
 
-// A cone on its base, each cut into n triangles around its middle, with a rim that is bent up and down n / 4
-// times by `bend`.
-Mesh fans(std::uint32_t n, double bend) {
-  Mesh mesh{{{0, 0, 1}, {0, 0, 0}}, {}};
-  for (std::uint32_t k = 0; k < n; k++) {
-    const double angle = 2 * std::numbers::pi * k / n;
-    mesh.points.push_back({std::cos(angle), std::sin(angle), k % 4 < 2 ? bend : 0});
-    const std::uint32_t a = 2 + k, b = 2 + (k + 1) % n;
-    mesh.triangles.push_back({0, a, b});
-    mesh.triangles.push_back({1, b, a});
-  }
-  return mesh;
-}
-
 TEST(Slivers, AFanIsThinnedWhereNoPlaneMoves) {
-  const Mesh fan = fans(5000, 0), thin = with_thinned_fans(fan, 0.02, 1e-4);
+  const Mesh fan = shapes::cone(5000), thin = with_thinned_fans(fan, 0.02, 1e-4);
   EXPECT_TRUE(closed_manifold(thin));
   EXPECT_LT(thin.triangles.size(), 2000u);  // edges of 0.01 would leave 1,257
   EXPECT_NEAR(mass_properties(thin).volume, mass_properties(fan).volume, 1e-3);
@@ -157,9 +142,9 @@ TEST(Slivers, AFanIsThinnedWhereNoPlaneMoves) {
 }
 
 TEST(Slivers, AFanStaysWherePlanesWouldMoveOrTrianglesAreFew) {
-  const Mesh bent = fans(5000, 0.01);
+  const Mesh bent = shapes::cone(5000, 0.01);
   EXPECT_GT(with_thinned_fans(bent, 0.02, 1e-4).triangles.size(), 4900u);
-  const Mesh few = fans(400, 0);
+  const Mesh few = shapes::cone(400);
   EXPECT_EQ(with_thinned_fans(few, 1, 1).triangles, few.triangles);
 }
 

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <numbers>
 #include <set>
 #include <thread>
 
@@ -193,10 +192,8 @@ TEST(Surface, DistancesToNeedlesAreRight) {
 Mesh star(std::uint32_t n) {
   Mesh mesh;
   for (const double z : {0.0, 0.1}) {
-    for (std::uint32_t k = 0; k < 2 * n; k++) {
-      const double r = k % 2 ? 1 : 0.5, angle = std::numbers::pi * k / n;
-      mesh.points.push_back({r * std::cos(angle), r * std::sin(angle), z});
-    }
+    for (std::uint32_t k = 0; k < 2 * n; k++)
+      mesh.points.push_back(shapes::on_circle(k, 2 * n, k % 2 ? 1 : 0.5, z));
     mesh.points.push_back({0, 0, z});
     const auto center = static_cast<std::uint32_t>(mesh.points.size() - 1), first = center - 2 * n;
     for (std::uint32_t k = 0; k < 2 * n; k++)

@@ -60,14 +60,10 @@ TEST_F(ListsTest, DemEngineCsvByHand) {
   ASSERT_EQ(c.size(), 2u);
   EXPECT_EQ(c.centers[1], Point(-1e-3, 2, 3));
   EXPECT_EQ(c.bounds.low, Point(-1.001, -0.46000000000000002, -0.8));
-  EXPECT_THROW(read("x,y,z,radius\n1,2,3,4\n"), Error);
-  EXPECT_THROW(read("x,y,z,r\n1,2,3\n"), Error);
-  EXPECT_THROW(read("x,y,z,r\n1,2,3,4,5\n"), Error);
-  EXPECT_THROW(read("x,y,z,r\n1,2,three,4\n"), Error);
-  EXPECT_THROW(read("x,y,z,r\n1,2,3,-4\n"), Error);
-  EXPECT_THROW(read("x,y,z,r\n1,2,nan,4\n"), Error);
-  EXPECT_THROW(read("x,y,z,r\n"), Error);
-  EXPECT_THROW(read(""), Error);
+  for (const char* wrong :
+       {"x,y,z,radius\n1,2,3,4\n", "x,y,z,r\n1,2,3\n", "x,y,z,r\n1,2,3,4,5\n", "x,y,z,r\n1,2,three,4\n",
+        "x,y,z,r\n1,2,3,-4\n", "x,y,z,r\n1,2,nan,4\n", "x,y,z,r\n", ""})
+    EXPECT_THROW(read(wrong), Error) << wrong;
   EXPECT_TRUE(refuses([&] { read("x,y,z,r\n1,2,3,4\n1,2,x,4\n"); }, "h.csv, line 3: \"x\" is not a number"));
   write_file(folder_ / "part.OBJ", "v 0 0 0\n");
   EXPECT_TRUE(refuses([&] { read_spheres(folder_ / "part.OBJ"); },
@@ -128,8 +124,7 @@ TEST_F(ListsTest, ChronoHeaderCompilesAndHoldsTheNumbers) {
              "static_assert(b::spheres[0][3] == " +
                  std::to_string(c.radii[0]).substr(0, 4) +
                  " + 0.04 / 7 || b::spheres[0][3] > 0.155);\nint main() {}\n");
-  const Ran r =
-      run("cd '" + folder_.string() + "' && c++ -std=c++17 -Wall -Wextra -Werror -fsyntax-only main.cpp");
+  const Ran r = run_here("c++ -std=c++17 -Wall -Wextra -Werror -fsyntax-only main.cpp");
   EXPECT_EQ(r.status, 0) << r.output;
 }
 

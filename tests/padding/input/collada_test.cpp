@@ -3,6 +3,7 @@
 
 #include "padding/input/read.h"
 #include "tests/error_of.h"
+#include "tests/padding/shapes.h"
 #include "tests/temporary_folder.h"
 
 namespace padder {
@@ -29,12 +30,11 @@ class Collada : public ::testing::Test, protected TemporaryFolder {
   }
   ReadResult read(const std::string& text) const { return read_mesh(put("t.dae", text)); }
   void expect_fault(const std::string& text, const std::string& words) const {
-    const std::string sentence = error_of([&] { read(text); });
-    EXPECT_NE(sentence.find(words), sentence.npos) << sentence;
+    EXPECT_TRUE(refuses([&] { read(text); }, words));
   }
 };
 
-double volume(const ReadResult& result) { return mass_properties(result.mesh).volume; }
+double volume(const ReadResult& result) { return shapes::volume(result.mesh); }
 
 TEST_F(Collada, AWrongCountOfAnArrayIsMended) {
   for (const char* count : {" count=\"6\"", " count=\"0\"", " count=\"13\"", ""})

@@ -4,11 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-#include <cmath>
 #include <ctime>
 #include <map>
-#include <numbers>
 #include <random>
+#include "tests/padding/shapes.h"
 
 namespace padder {
 namespace {
@@ -78,10 +77,8 @@ TEST(Polygon, RandomStarsInRandomPlanes) {
                                   Eigen::AngleAxisd(angle(random), Vector::UnitY()))
                                      .toRotationMatrix();
     std::vector<Point> star;
-    for (int k = 0; k < n; k++) {
-      const double a = 2 * std::numbers::pi * k / n, r = radius(random);
-      star.push_back(turn * Point(r * std::cos(a), r * std::sin(a), 0) + Point(3, 4, 5));
-    }
+    for (int k = 0; k < n; k++)
+      star.push_back(turn * shapes::on_circle(k, n, radius(random)) + Point(3, 4, 5));
     expect_filling(star);
   }
 }
@@ -129,10 +126,7 @@ TEST(Polygon, WithoutAreaOrCrossingItselfItStillEnds) {
 
 TEST(Polygon, ManyCorners) {
   std::vector<Point> circle, comb;
-  for (int k = 0; k < 100000; k++) {
-    const double a = 2 * std::numbers::pi * k / 100000;
-    circle.emplace_back(std::cos(a), std::sin(a), 1);
-  }
+  for (int k = 0; k < 100000; k++) circle.push_back(shapes::on_circle(k, 100000, 1, 1));
   Triangles triangles;
   triangulate_polygon(circle, triangles);
   EXPECT_EQ(triangles.size(), circle.size() - 2);
@@ -142,13 +136,10 @@ TEST(Polygon, ManyCorners) {
   expect_filling(comb);
 }
 
-TEST(Polygon,
-     HalfOfManyCornersMayBeReflex) {  // with a look at all of them for each ear it took more than 40 s
+// With a look at all of them for each ear it took more than 40 s.
+TEST(Polygon, HalfOfManyCornersMayBeReflex) {
   std::vector<Point> star;
-  for (int k = 0; k < 100000; k++) {
-    const double a = 2 * std::numbers::pi * k / 100000, r = k % 2 ? 1 : 0.5;
-    star.emplace_back(r * std::cos(a), r * std::sin(a), 0);
-  }
+  for (int k = 0; k < 100000; k++) star.push_back(shapes::on_circle(k, 100000, k % 2 ? 1 : 0.5));
   const std::clock_t began = std::clock();  // of this process: other programs may be at work
   Triangles triangles;
   triangulate_polygon(star, triangles);

@@ -20,6 +20,7 @@
 #include "padding/input/read_internal.h"
 #include "tests/error_of.h"
 #include "tests/padding/input/zip_writer.h"
+#include "tests/padding/shapes.h"
 #include "tests/temporary_folder.h"
 
 namespace padder {
@@ -27,7 +28,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// The sentence of the error, or "" when there is none.
 std::string fault(const fs::path& path, const ReadOptions& options = {}) {
   return error_of([&] { read_mesh(path, options); });
 }
@@ -38,12 +38,8 @@ void expect_fault(const fs::path& path, const std::string& words, const ReadOpti
   EXPECT_EQ(sentence.find('\n'), std::string::npos) << sentence;
 }
 
-double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
-
-Vector size(const Mesh& mesh) {
-  const Box box = mesh.bounds();
-  return box.high - box.low;
-}
+using shapes::volume;
+Vector size(const Mesh& mesh) { return mesh.bounds().high - mesh.bounds().low; }
 
 const std::string kCubeVertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n";
 const std::string kCubeObj =
@@ -174,8 +170,8 @@ TEST_F(Read, ConcavePolygonKeepsItsVolume) {
 TEST_F(Read, FacesOfManyCorners) {  // more than 255 in OBJ, more than 9 in OFF
   std::string obj, off = "OFF 300 1 0\n", face = "300", last = "f";
   for (int k = 0; k < 300; k++) {
-    const std::string p = std::to_string(std::cos(k * std::numbers::pi / 150)) + " " +
-                          std::to_string(std::sin(k * std::numbers::pi / 150)) + " 0\n";
+    const Point at = shapes::on_circle(k, 300);
+    const std::string p = std::to_string(at.x()) + " " + std::to_string(at.y()) + " 0\n";
     obj += "v " + p, off += p, face += " " + std::to_string(k), last += " " + std::to_string(k + 1);
   }
   for (const auto& path : {put("n.obj", obj + last), put("n.off", off + face)}) {
@@ -843,8 +839,8 @@ TEST_F(Read, CountsBeyond32BitsAreRefused) {
 
 const fs::path kShared = fs::path(PADDER_SHARED) / "meshes";
 
-TEST_F(ReadShared,
-       DamagedScenesEndInAnAnswerOrASentence) {  // seed 7; assimp aborts on nearly every damaged 3MF
+// Of itself assimp aborts on nearly every damaged 3MF.
+TEST_F(ReadShared, DamagedScenesEndInAnAnswerOrASentence) {  // seed 7
   if (!fs::exists(kShared)) GTEST_SKIP() << kShared << " is not here";
   std::mt19937 random(7);
   for (const char* name :

@@ -21,8 +21,9 @@
 namespace padder {
 namespace {
 
-using shapes::RandomInput, shapes::in_box, shapes::joined, shapes::mapped, shapes::moved, shapes::roughened,
-    shapes::scaled, shapes::turned_over, shapes::winding, shapes::with_corners_off, shapes::without;
+using shapes::RandomInput, shapes::in_box, shapes::joined, shapes::mapped, shapes::moved,
+    shapes::polygon_area, shapes::roughened, shapes::scaled, shapes::turned_over, shapes::volume,
+    shapes::winding, shapes::with_corners_off, shapes::without;
 
 const Mesh kCube = shapes::box({0, 0, 0}, {1, 1, 1}, 2);
 const Mesh kOpenCube = without(kCube, [](const Point& p) { return p.z() == 1; });
@@ -41,8 +42,7 @@ Repaired mended(const Mesh& mesh, RepairMode mode = RepairMode::automatic) {
   return mend(mesh, {.mode = mode}).value();
 }
 
-double volume(const Mesh& mesh) { return mass_properties(mesh).volume; }
-double volume(const Repaired& r) { return mass_properties(r.boundary()).volume; }
+double volume(const Repaired& r) { return shapes::volume(r.boundary()); }
 
 // The mesh mends to a solid of this volume.
 Repaired expect_solid(const Mesh& mesh, double expected, double within,
@@ -139,7 +139,7 @@ TEST(Mend, ACavityThatCrossesItself) {
   tie.triangles = {{0, 2, 1}, {0, 3, 2}, {4, 5, 6}, {4, 6, 7}};
   for (std::uint32_t k = 0; k < 4; k++) {
     const std::uint32_t next = (k + 1) % 4;
-    tie.triangles.push_back({k, next, next + 4}), tie.triangles.push_back({k, next + 4, k + 4});
+    shapes::add_quad(tie, k, next, next + 4, k + 4);
   }
   const double larger_lobe = 0.5 * 0.3 * 0.3;
   for (const Mesh& shell : {tie, turned_over(tie)}) {
@@ -290,17 +290,13 @@ TEST(Mend, EverySecondTriangleMissing) {
 Mesh lathe(const std::vector<std::array<double, 2>>& profile, int n) {  // radius and height, from the axis up
   Mesh mesh;
   for (const auto& [radius, height] : profile)
-    for (int k = 0; k < n; k++) {
-      const double u = 2 * std::numbers::pi * k / n;
-      mesh.points.push_back({radius * std::cos(u), radius * std::sin(u), height});
-    }
+    for (int k = 0; k < n; k++) mesh.points.push_back(shapes::on_circle(k, n, radius, height));
   for (std::uint32_t row = 0; row + 1 < profile.size(); row++)
     for (int k = 0; k < n; k++) {
       const auto at = [&](int r, int c) {
         return (row + std::uint32_t(r)) * std::uint32_t(n) + std::uint32_t(c % n);
       };
-      mesh.triangles.push_back({at(0, k), at(0, k + 1), at(1, k + 1)});
-      mesh.triangles.push_back({at(0, k), at(1, k + 1), at(1, k)});
+      shapes::add_quad(mesh, at(0, k), at(0, k + 1), at(1, k + 1), at(1, k));
     }
   return mesh;
 }
@@ -389,28 +385,20 @@ TEST(Mend, ABoxThatAClosedPieceCoversIsASolid) {
 // Six strips that overlap around a ball.
 Mesh strips_around_a_ball() {
   Mesh strips;
-  for (int k = 0; k < 6; k++) {
-    const auto first = static_cast<std::uint32_t>(strips.points.size());
-    for (std::uint32_t i = 0; i <= 12; i++)
-      for (std::uint32_t j = 0; j <= 20; j++) {
-        const double u = k * std::numbers::pi / 3 - 0.1 + i * (std::numbers::pi / 3 + 0.2) / 12;
-        const double v = -1.55 + j * 3.1 / 20;
-        strips.points.push_back((1 + 0.003 * k) *
-                                Point(std::cos(v) * std::cos(u), std::cos(v) * std::sin(u), std::sin(v)));
-        const std::uint32_t at = first + 21 * i + j;
-        if (i < 12 && j < 20)
-          strips.triangles.push_back({at, at + 21, at + 22}),
-              strips.triangles.push_back({at, at + 22, at + 1});
-      }
-  }
+  for (int k = 0; k < 6; k++)
+    strips.add(shapes::grid(12, 20, [&](int i, int j) -> Point {
+      const double u = k * std::numbers::pi / 3 - 0.1 + i * (std::numbers::pi / 3 + 0.2) / 12;
+      const double v = -1.55 + j * 3.1 / 20;
+      return (1 + 0.003 * k) * Point(std::cos(v) * std::cos(u), std::cos(v) * std::sin(u), std::sin(v));
+    }));
   return strips;
 }
 
 // Each strip by itself would be closed by a patch through the ball.
 TEST(Mend, StripsOfAScanThatOverlapAreNoLenses) {
   const Mesh strips = strips_around_a_ball();
-  RepairOptions options;
-  options.tolerance = options.accuracy = 0.02 * strips.bounds().diagonal();
+  const double tolerance = 0.02 * strips.bounds().diagonal();
+  const RepairOptions options{.tolerance = tolerance, .accuracy = tolerance};
   std::string why;
   EXPECT_FALSE(mend(strips, options, &why));
   EXPECT_EQ(why, "its open pieces enclose a body together, but not one by one");
@@ -486,7 +474,7 @@ TEST(Mend, TheHoleThroughATireIsNotFilled) {
         const auto [s, high] = profile[k + 1];
         whole += (high - low) * (r * r + r * s + s * s) / 3;
       }
-      const double hole = 2 * half_width * 0.6 * 0.6, per_turn = n * std::sin(2 * std::numbers::pi / n) / 2;
+      const double hole = 2 * half_width * 0.6 * 0.6, per_turn = shapes::polygon_area(n, 1);
       const Mesh mesh = lathe(profile, n);
       for (const Mesh& side : {mesh, turned_over(mesh)}) {
         const Repaired r = expect_solid(side, per_turn * (whole - tire * hole), 1e-9, RepairMode::fill);
@@ -511,7 +499,7 @@ TEST(Mend, TheHoleThroughAWideTireIsNotFilled) {
                                                         {1, 1.2, 1.5, false}}) {
     const Mesh mesh =
         lathe({{rim, -half_width}, {tread, -half_width}, {tread, half_width}, {rim, half_width}}, 48);
-    const double per_turn = 24 * std::sin(2 * std::numbers::pi / 48);
+    const double per_turn = shapes::polygon_area(48, 1);
     for (const Mesh& side : {mesh, turned_over(mesh)}) {
       const Repaired r = mended(side, RepairMode::fill);
       EXPECT_EQ(r.patches.size(), is_tire ? 1u : 2u) << rim << ' ' << half_width;
@@ -527,9 +515,8 @@ TEST(Mend, TwoPlatesAsCloseAsACrackAreNoBody) {
     plates.points = {{0, 0, 0}, {0, 0, apart}};
     constexpr std::uint32_t n = 32;
     for (std::uint32_t k = 0; k < n; k++) {
-      const double angle = 2 * std::numbers::pi * k / n;
       const std::uint32_t next = 2 + 2 * ((k + 1) % n), at = 2 + 2 * k;
-      for (const double z : {0.0, apart}) plates.points.push_back({std::cos(angle), std::sin(angle), z});
+      for (const double z : {0.0, apart}) plates.points.push_back(shapes::on_circle(k, n, 1, z));
       plates.triangles.push_back({0, next, at}), plates.triangles.push_back({1, at + 1, next + 1});
     }
     EXPECT_EQ(mended(plates).kind, BodyKind::sheet) << apart;
@@ -541,25 +528,24 @@ TEST(Mend, APipeOfTwoWallsIsNoRod) {
   const auto wall = [](double radius, const Point& at, int n) {
     return moved(lathe({{radius, 0}, {radius, 3}}, n), at);
   };
-  const auto area = [](double radius, int n) {
-    return 0.5 * n * radius * radius * std::sin(2 * std::numbers::pi / n);
-  };
   const Point middle(0, 0, 0), left(-0.5, 0, 0), right(0.5, 0, 0);
   const Mesh outer = wall(1, middle, 40);
   const Mesh pipe = joined(outer, turned_over(wall(0.8, middle, 31)));
-  const double thin = 3 * (area(1, 40) - area(0.8, 31));
+  const double thin = 3 * (polygon_area(40, 1) - polygon_area(31, 0.8));
   for (const Mesh& mesh : {pipe, turned_over(pipe)}) {
     const Repaired r = expect_solid(mesh, thin, 1e-6);
     EXPECT_EQ(r.patches.size(), 2u);
   }
   const Mesh bores = joined(turned_over(wall(0.3, left, 20)), turned_over(wall(0.3, right, 20)));
-  EXPECT_NEAR(volume(mended(joined(outer, bores))), 3 * (area(1, 40) - 2 * area(0.3, 20)), 1e-6);
+  EXPECT_NEAR(volume(mended(joined(outer, bores))), 3 * (polygon_area(40, 1) - 2 * polygon_area(20, 0.3)),
+              1e-6);
   const Mesh sleeve = joined(wall(0.7, middle, 40), turned_over(wall(0.6, middle, 40)));
-  EXPECT_NEAR(volume(mended(joined(pipe, sleeve))), thin + 3 * (area(0.7, 40) - area(0.6, 40)), 1e-6);
+  EXPECT_NEAR(volume(mended(joined(pipe, sleeve))),
+              thin + 3 * (polygon_area(40, 0.7) - polygon_area(40, 0.6)), 1e-6);
   // Both walls may face outward. Of three, the innermost is a rod.
   EXPECT_NEAR(volume(mended(joined(outer, wall(0.8, middle, 31)))), thin, 1e-6);
   const Mesh walls = joined(outer, joined(wall(0.8, middle, 31), wall(0.5, middle, 20)));
-  EXPECT_NEAR(volume(mended(walls)), thin + 3 * area(0.5, 20), 1e-6);
+  EXPECT_NEAR(volume(mended(walls)), thin + 3 * polygon_area(20, 0.5), 1e-6);
 }
 
 TEST(Mend, ACarBodyIsASheet) {

@@ -11,7 +11,7 @@
 namespace padder {
 namespace {
 
-using shapes::closed_manifold;
+using shapes::closed_manifold, shapes::volume;
 
 long euler(const Mesh& mesh) { return long(mesh.points.size()) - long(mesh.triangles.size()) / 2; }
 
@@ -32,8 +32,7 @@ TEST(Remesh, SphereAndTorusKeepTheirTopologyAndShape) {
     const Remeshed r = remesh(mesh, {.edge_length = 0.12});
     EXPECT_TRUE(closed_manifold(r.mesh));
     EXPECT_EQ(euler(r.mesh), genus_euler);
-    EXPECT_NEAR(mass_properties(r.mesh).volume, mass_properties(mesh).volume,
-                0.02 * mass_properties(mesh).volume);
+    EXPECT_NEAR(volume(r.mesh), volume(mesh), 0.02 * volume(mesh));
     EXPECT_LT(r.quality.share_non_delaunay, 1e-3);
     EXPECT_LT(r.quality.share_under_20_deg, 1e-3);
     const Surface surface(mesh);
@@ -97,10 +96,8 @@ TEST(Remesh, ShortEdgesOfAFeatureDoNotMakeThinTriangles) {
   // A plate whose rim has far more points than the edge length asks for.
   Mesh plate;
   constexpr std::uint32_t n = 48;
-  for (std::uint32_t k = 0; k < 2 * n; k++) {
-    const double angle = 2 * std::numbers::pi * k / n;
-    plate.points.push_back({std::cos(angle), std::sin(angle), k < n ? 0.0 : 0.3});
-  }
+  for (std::uint32_t k = 0; k < 2 * n; k++)
+    plate.points.push_back(shapes::on_circle(k, n, 1, k < n ? 0.0 : 0.3));
   plate.points.push_back({0, 0, 0}), plate.points.push_back({0, 0, 0.3});
   for (std::uint32_t k = 0; k < n; k++) {
     const std::uint32_t l = (k + 1) % n;
@@ -119,10 +116,7 @@ TEST(Remesh, TheWallOfAHoleHasNoThinTriangles) {
   Mesh plate;
   constexpr std::uint32_t n = 64;
   for (const double z : {0.0, 0.53}) {
-    for (std::uint32_t k = 0; k < n; k++) {
-      const double angle = 2 * std::numbers::pi * (k + 0.5) / n;
-      plate.points.push_back({0.5 * std::cos(angle), 0.5 * std::sin(angle), z});
-    }
+    for (std::uint32_t k = 0; k < n; k++) plate.points.push_back(shapes::on_circle(k + 0.5, n, 0.5, z));
     plate.points.insert(plate.points.end(), {{1, 1, z}, {-1, 1, z}, {-1, -1, z}, {1, -1, z}});
   }
   constexpr std::uint32_t top = n + 4;
@@ -130,7 +124,7 @@ TEST(Remesh, TheWallOfAHoleHasNoThinTriangles) {
     plate.triangles.push_back({a + top, b + top, c + top}), plate.triangles.push_back({a, c, b});
   };
   const auto wall = [&](std::uint32_t a, std::uint32_t b) {
-    plate.triangles.push_back({a, b, b + top}), plate.triangles.push_back({a, b + top, a + top});
+    shapes::add_quad(plate, a, b, b + top, a + top);
   };
   for (std::uint32_t k = 0; k < n; k++) {
     const std::uint32_t next = (k + 1) % n, corner = n + 4 * k / n, next_corner = n + 4 * next / n;

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "padding/meshing/repair.h"
+#include "tests/padding/balls.h"
 #include "tests/padding/random_input.h"
 #include "tests/padding/threads.h"
 
@@ -69,13 +70,7 @@ TEST(Accuracy, VolumeOfTwoOverlappingBalls) {
 // The oracle: random points against all balls and triangles. It uses nothing of padding/ but the mesh.
 struct BruteForce {
   const Mesh& mesh;
-  const std::vector<Ball>& balls;
 
-  double gap(const Point& x) const {
-    double least = 1e300;
-    for (const Ball& b : balls) least = std::min(least, (x - b.center).norm() - b.radius);
-    return least;
-  }
   double distance(const Point& x) const {  // by dense barycentric search on each triangle: plain, slow, sure
     double least = 1e300;
     for (std::size_t t = 0; t < mesh.triangles.size(); t++) {
@@ -97,18 +92,18 @@ TEST(Accuracy, AgreesWithBruteForceOnRandomClusters) {
     std::vector<Ball> balls;
     for (int k = 0; k < 40; k++) balls.push_back({0.8 * random.point(), random.uniform(0.1, 0.5)});
     const Measured m = of(mesh, balls);
-    const BruteForce brute{mesh, balls};
+    const BruteForce brute{mesh};
     double gap_max = 0, protrusion_max = 0;
     for (int k = 0; k < 20000; k++) {
       const Point x = random.on(mesh, random.below(mesh.triangles.size()));
-      gap_max = std::max(gap_max, brute.gap(x));
+      gap_max = std::max(gap_max, gap_to(balls, x));
     }
     double inside = 0, box = 0;
-    for (int k = 0; k < 200000; k++) box++, inside += brute.gap(2 * random.point()) <= 0;
+    for (int k = 0; k < 200000; k++) box++, inside += gap_to(balls, 2 * random.point()) <= 0;
     for (int k = 0; k < 3000; k++) {
       const Ball& b = balls[k % balls.size()];
       const Point x = b.center + b.radius * random.direction();
-      if (brute.gap(x) < -1e-9 || brute.inside(x)) continue;
+      if (gap_to(balls, x) < -1e-9 || brute.inside(x)) continue;
       protrusion_max = std::max(protrusion_max, brute.distance(x));
     }
     EXPECT_GE(m.accuracy.gap_max, gap_max);

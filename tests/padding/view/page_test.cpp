@@ -5,34 +5,30 @@
 
 #include <bit>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/error.h"
-#include "padding/asset/file.h"
 #include "tests/error_of.h"
 #include "tests/padding/shapes.h"
+#include "tests/temporary_folder.h"
 
 namespace padder {
 namespace {
 
-namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 // A template without script: what the page holds is read here as the script would.
-class Page : public ::testing::Test {
+class Page : public ::testing::Test, protected TemporaryFolder {
  protected:
   Page() {
-    std::ofstream(script) << "<title><!--padder:title--></title>\n<body><!--padder:data--></body>";
-    options.script = script;
+    options.script =
+        put("script.html", "<title><!--padder:title--></title>\n<body><!--padder:data--></body>");
     view.title = "part";
     view.unit = "m";
     view.centers = {{10, -3, 0.5}, {10.25, -2, 0.75}, {11, -3.5, 0.875}};
     view.radii = {0.5, 0.0625, 0.1};
     view.family = {4, 4, 4};
   }
-  ~Page() override { fs::remove(script); }
 
   static std::string element(const std::string& html, const std::string& id) {
     const std::string mark = "id=\"" + id + "\">";
@@ -60,8 +56,6 @@ class Page : public ::testing::Test {
     return out;
   }
 
-  const fs::path script =
-      fs::path(::testing::TempDir()) / ("page_test_" + std::to_string(::getpid()) + ".html");
   PageOptions options;
   View view;
 };
@@ -174,9 +168,9 @@ TEST_F(Page, FaultsAreSentences) {
   options.rung = 1;  // there is one level, number 0
   EXPECT_THROW(page_html(view, options), Error);
   options.rung = 0;
-  std::ofstream(script) << "<p>no template</p>";
+  put("script.html", "<p>no template</p>");
   EXPECT_THROW(page_html(view, options), Error);
-  options.script = script.string() + ".absent";
+  options.script = folder_ / "absent.html";
   EXPECT_THROW(page_html(view, options), Error);
   EXPECT_THROW(page_html(View{}, options), Error);
   EXPECT_THROW(write_preview(view, "part.jpg"), Error);

@@ -7,6 +7,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/input/read.h"
+#include "tests/padding/balls.h"
 #include "tests/padding/shapes.h"
 #include "tests/temporary_folder.h"
 
@@ -73,12 +74,7 @@ TEST(View, TheErrorMapTellsTheGapAtEveryPointOfTheMesh) {
   ASSERT_EQ(v.errors.gap.size(), 1u);
   const Mesh& fine = v.errors.mesh;
   ASSERT_EQ(v.errors.gap[0].size(), fine.points.size());
-  const auto gap = [&](const Point& p) {
-    double least = 1e9;
-    for (std::size_t k = 0; k < c.size(); k++)
-      least = std::min(least, (p - c.centers[k]).norm() - c.radii[k]);
-    return least;
-  };
+  const auto gap = [balls = balls_of(c)](const Point& p) { return gap_to(balls, p); };
   double area = 0, worst = 0, largest = 0;
   for (const auto& t : fine.triangles) {
     Point middle = Point::Zero();

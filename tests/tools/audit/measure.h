@@ -34,8 +34,8 @@ struct Measured {
   bool holds() const { return protrusion_holds && gap_holds; }
 };
 
-// `surface` may be null. Its corners may lie up to `moved` from where they are in the mesh: what lies no
-// farther from that is not added. Takes time that grows with the points, the triangles and the spheres.
+// `surface` may be null. Its corners may lie up to `moved` off those of the mesh: triangles no farther off do
+// not count in patch_area. Takes time that grows with the points, the triangles and the spheres.
 Measured measure(const Mesh& mesh, const Mesh* surface, const Cluster& cluster, int points, unsigned seed,
                  double moved = 0);
 

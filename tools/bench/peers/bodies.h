@@ -20,11 +20,10 @@ class BodyPeer {
   virtual std::uint64_t contacts(std::span<const detect::Body> bodies, bool first_only) = 0;
 };
 
-// shapes: of bodies, which name them by number. obstacles: x, y, z, r of each. Null in a build without the
-// library.
-std::unique_ptr<BodyPeer> make_bullet_bodies(const std::vector<std::vector<detect::Sphere>>& shapes,
-                                             const std::vector<double>& obstacles);
-std::unique_ptr<BodyPeer> make_fcl_bodies(const std::vector<std::vector<detect::Sphere>>& shapes,
-                                          const std::vector<double>& obstacles);
+using SphereList = std::vector<detect::Sphere>;
+// shapes: of bodies, which name them by number. Null in a build without the library.
+std::unique_ptr<BodyPeer> make_bullet_bodies(const std::vector<SphereList>& shapes,
+                                             const SphereList& obstacles);
+std::unique_ptr<BodyPeer> make_fcl_bodies(const std::vector<SphereList>& shapes, const SphereList& obstacles);
 
 }  // namespace padder::bench

@@ -96,12 +96,9 @@ struct Counter : btCollisionWorld::ContactResultCallback {
 // Bodies, and all obstacles together, are compounds of spheres. Two bodies at a time are placed.
 class BulletBodies : public BodyPeer {
  public:
-  BulletBodies(const std::vector<std::vector<detect::Sphere>>& shapes, const std::vector<double>& obstacles) {
+  BulletBodies(const std::vector<SphereList>& shapes, const SphereList& obstacles) {
     for (const auto& s : shapes) shapes_.push_back(compound_of(s));
-    std::vector<detect::Sphere> still;
-    for (std::size_t k = 0; k < obstacles.size(); k += 4)
-      still.push_back({obstacles[k], obstacles[k + 1], obstacles[k + 2], obstacles[k + 3]});
-    obstacles_ = compound_of(still);
+    obstacles_ = compound_of(obstacles);
     all_obstacles_.setCollisionShape(obstacles_.get());
     all_obstacles_.setWorldTransform(btTransform::getIdentity());
   }
@@ -121,7 +118,7 @@ class BulletBodies : public BodyPeer {
   }
 
  private:
-  std::unique_ptr<btCompoundShape> compound_of(const std::vector<detect::Sphere>& from) {
+  std::unique_ptr<btCompoundShape> compound_of(const SphereList& from) {
     auto compound = std::make_unique<btCompoundShape>(true, static_cast<int>(from.size()));
     for (const detect::Sphere& s : from) {
       spheres_.push_back(std::make_unique<btSphereShape>(s.r));
@@ -150,8 +147,8 @@ class BulletBodies : public BodyPeer {
 
 }  // namespace
 
-std::unique_ptr<BodyPeer> make_bullet_bodies(const std::vector<std::vector<detect::Sphere>>& shapes,
-                                             const std::vector<double>& obstacles) {
+std::unique_ptr<BodyPeer> make_bullet_bodies(const std::vector<SphereList>& shapes,
+                                             const SphereList& obstacles) {
   return std::make_unique<BulletBodies>(shapes, obstacles);
 }
 
@@ -171,8 +168,7 @@ BulletWorld::~BulletWorld() = default;
 void BulletWorld::step() {}
 std::uint64_t BulletWorld::count() const { return 0; }
 std::vector<BulletContact> BulletWorld::contacts() const { return {}; }
-std::unique_ptr<BodyPeer> make_bullet_bodies(const std::vector<std::vector<detect::Sphere>>&,
-                                             const std::vector<double>&) {
+std::unique_ptr<BodyPeer> make_bullet_bodies(const std::vector<SphereList>&, const SphereList&) {
   return nullptr;
 }
 

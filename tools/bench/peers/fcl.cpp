@@ -28,7 +28,7 @@ bool test(fcl::CollisionObjectd* a, fcl::CollisionObjectd* b, void* data) {
 // Objects stay where they are: the trees hold their addresses.
 class Spheres {
  public:
-  explicit Spheres(const std::vector<detect::Sphere>& from) : from_(from) {
+  explicit Spheres(const SphereList& from) : from_(from) {
     for (const detect::Sphere& s : from)
       objects_.push_back(std::make_unique<fcl::CollisionObjectd>(std::make_shared<fcl::Sphered>(s.r)));
     place({});
@@ -51,20 +51,15 @@ class Spheres {
   }
 
  private:
-  std::vector<detect::Sphere> from_;
+  SphereList from_;
   std::vector<std::unique_ptr<fcl::CollisionObjectd>> objects_;
   fcl::DynamicAABBTreeCollisionManagerd tree_;
 };
 
 class FclBodies : public BodyPeer {
  public:
-  FclBodies(const std::vector<std::vector<detect::Sphere>>& shapes, const std::vector<double>& obstacles)
-      : shapes_(shapes) {
-    std::vector<detect::Sphere> still;
-    for (std::size_t k = 0; k < obstacles.size(); k += 4)
-      still.push_back({obstacles[k], obstacles[k + 1], obstacles[k + 2], obstacles[k + 3]});
-    obstacles_ = std::make_unique<Spheres>(still);
-  }
+  FclBodies(const std::vector<SphereList>& shapes, const SphereList& obstacles)
+      : shapes_(shapes), obstacles_(obstacles) {}
   const char* name() const override { return "FCL"; }
   // Body k of every configuration has the same shape.
   std::uint64_t contacts(std::span<const detect::Body> bodies, bool first_only) override {
@@ -72,7 +67,7 @@ class FclBodies : public BodyPeer {
     for (std::size_t k = 0; k < bodies.size(); k++) {
       if (k == bodies_.size()) bodies_.push_back(std::make_unique<Spheres>(shapes_[bodies[k].shape]));
       bodies_[k]->place(bodies[k]);
-      bodies_[k]->among(*obstacles_, search);
+      bodies_[k]->among(obstacles_, search);
       if (bodies[k].family == 0) bodies_[k]->refit();
       for (std::size_t q = 0; bodies[k].family == 0 && q < k; q++) bodies_[k]->among(*bodies_[q], search);
       if (first_only && search.found > 0) return 1;
@@ -81,15 +76,15 @@ class FclBodies : public BodyPeer {
   }
 
  private:
-  std::vector<std::vector<detect::Sphere>> shapes_;
-  std::unique_ptr<Spheres> obstacles_;
+  std::vector<SphereList> shapes_;
+  Spheres obstacles_;
   std::vector<std::unique_ptr<Spheres>> bodies_;
 };
 
 }  // namespace
 
-std::unique_ptr<BodyPeer> make_fcl_bodies(const std::vector<std::vector<detect::Sphere>>& shapes,
-                                          const std::vector<double>& obstacles) {
+std::unique_ptr<BodyPeer> make_fcl_bodies(const std::vector<SphereList>& shapes,
+                                          const SphereList& obstacles) {
   return std::make_unique<FclBodies>(shapes, obstacles);
 }
 
@@ -99,8 +94,7 @@ std::unique_ptr<BodyPeer> make_fcl_bodies(const std::vector<std::vector<detect::
 
 namespace padder::bench {
 
-std::unique_ptr<BodyPeer> make_fcl_bodies(const std::vector<std::vector<detect::Sphere>>&,
-                                          const std::vector<double>&) {
+std::unique_ptr<BodyPeer> make_fcl_bodies(const std::vector<SphereList>&, const SphereList&) {
   return nullptr;
 }
 

@@ -320,7 +320,7 @@ Json shoe(const Settings& s) {
   const Box box = file.mesh.bounds();
   Part part{file.mesh, ExactMesh(file.mesh), {}, box, box.diagonal(), 0.03 * (box.high - box.low).maxCoeff()};
   const std::vector<Padding> paddings = paddings_of(file, s, part);
-  const std::uint64_t grains = s.spheres.empty() ? 2000 : s.spheres[0];
+  const std::uint64_t grains = size_or(s, 2000);
   const std::vector<Approach> ways = approaches(part);
   std::vector<ContactErrors> errors;
   for (const Padding& p : paddings) errors.push_back(errors_of(part, p, single_contacts(part, p, ways)));
@@ -330,7 +330,7 @@ Json shoe(const Settings& s) {
              "normal error [deg]", "95 %", "depth error [%]", "missed [%]", "at rest: normal error [deg]",
              "deepest [%]", "height off by [%]", "turned by [deg]"}});
   for (const detect::BackendKind backend : backends(s)) {
-    const char* const where = backend == detect::BackendKind::omp ? "omp" : "cuda";
+    const char* const where = name_of(backend);
     std::vector<settle::System> beds;
     for (int k = 1; k <= kBeds; k++)
       say(s, std::string(where) + ": bed " + std::to_string(k)),

@@ -80,7 +80,7 @@ void judge_records(const detect::Contacts& c, const std::vector<Sphere>& s, Row&
 Row measure(const Settings& s, const PrecisionCase& c, const Given& given, const std::vector<Pair>& meant,
             detect::BackendKind backend, const Mode& mode) {
   Row row;
-  row.scene = c.name, row.hard = c.hard, row.backend = backend == detect::BackendKind::omp ? "omp" : "cuda";
+  row.scene = c.name, row.hard = c.hard, row.backend = name_of(backend);
   row.mode = mode.name;
   row.spheres = given.spheres.size();
   detect::Input input = input_of(given.floats);
@@ -157,7 +157,7 @@ Json cells_of(const std::vector<Row>& modes) {
 }  // namespace
 
 Json precision(const Settings& s) {
-  const std::uint64_t spheres = s.spheres.empty() ? 1000000 : s.spheres[0];
+  const std::uint64_t spheres = size_or(s, 1000000);
   Json rows = Json::array(),
        table = Json::array({{"scene", "what is hard", "backend", "contacts: float / exact / double", "wrong",
                              "by rounding", "depth error", "normal error", "ms"}});

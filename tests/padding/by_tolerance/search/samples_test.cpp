@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <numbers>
 
 #include "padding/asset/error.h"
 #include "padding/geometry/point_tree.h"
@@ -61,15 +60,11 @@ TEST(Samples, SliversSideBySideShareTheirSamples) {
   const auto count = [](int facets) {
     Mesh bar;
     for (int end = 0; end < 2; end++)
-      for (int k = 0; k < facets; k++) {
-        const double angle = 2 * std::numbers::pi * k / facets;
-        bar.points.push_back({0.1 * std::cos(angle), 0.1 * std::sin(angle), 0.9 * end});
-      }
+      for (int k = 0; k < facets; k++) bar.points.push_back(shapes::on_circle(k, facets, 0.1, 0.9 * end));
     const auto n = static_cast<std::uint32_t>(facets);
     for (std::uint32_t k = 0; k < n; k++) {
       const std::uint32_t next = (k + 1) % n;
-      bar.triangles.push_back({k, next, n + next});
-      bar.triangles.push_back({k, n + next, n + k});
+      shapes::add_quad(bar, k, next, n + next, n + k);
       if (k > 0 && k + 1 < n) {
         bar.triangles.push_back({0, k + 1, k});
         bar.triangles.push_back({n, n + k, n + k + 1});
@@ -93,14 +88,14 @@ TEST(Samples, OfAFineScanAreThoseOfACoarserOne) {
   EXPECT_NEAR(count(724) / count(128), 1, 0.15);
 }
 
+Samples samples_of_sheets(const Mesh& sheets) {
+  const auto nothing = std::make_shared<const Surface>(Mesh());
+  return sample_surface(Surface(sheets, SideBy::winding, nothing), {.tolerance_sum = 0.1});
+}
 // 25 and 100 walls in the same place: a ball covers a part of each, so their number does not matter.
 TEST(Samples, WallsOfAStackShareTheirSamples) {
   const auto count = [](int walls) {
-    SampleOptions options{.tolerance_sum = 0.1};
-    const Mesh nothing;
-    const Samples samples = sample_surface(Surface(shapes::stack(shapes::square(0.5), walls, 0.1),
-                                                   SideBy::winding, std::make_shared<const Surface>(nothing)),
-                                           options);
+    const Samples samples = samples_of_sheets(shapes::stack(shapes::square(0.5), walls, 0.1));
     return std::array{static_cast<double>(samples.grown.size()), static_cast<double>(samples.fine.size())};
   };
   const auto few = count(25), many = count(100);
@@ -111,16 +106,9 @@ TEST(Samples, WallsOfAStackShareTheirSamples) {
 // 21 walls that stand farther apart than samples, and nearer to each other than a ball reaches. The points
 // that they share know how far from them there is surface without a point of its own.
 TEST(Samples, WallsThatABallReachesShareTheirSamples) {
-  const auto points_of = [](const Mesh& walls) {
-    SampleOptions options;
-    options.tolerance_sum = 0.1;
-    const Mesh nothing;
-    return sample_surface(Surface(walls, SideBy::winding, std::make_shared<const Surface>(nothing)), options)
-        .fine;
-  };
   const Mesh walls = shapes::stack(shapes::square(0.5), 21, 0.25);
-  const std::vector<CoverPoint> points = points_of(walls);
-  EXPECT_LT(points.size(), 8 * points_of(shapes::square(0.5)).size());
+  const std::vector<CoverPoint> points = samples_of_sheets(walls).fine;
+  EXPECT_LT(points.size(), 8 * samples_of_sheets(shapes::square(0.5)).fine.size());
   Random random(3);
   for (int k = 0; k < 2000; k++) {
     const Point x = random_point(random, walls.corners(random.below(walls.triangles.size())));

@@ -3,9 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <numbers>
-
 #include "padding/geometry/indices.h"
 #include "tests/padding/shapes.h"
 
@@ -20,11 +17,8 @@ Mesh open_cone(double radius, bool against) {
   const auto corner = [&](std::uint32_t k) { return n + (against ? n - 1 - k % n : k % n); };
   mesh.points.resize(2 * n + 1, Point::Zero());
   for (std::uint32_t k = 0; k < n; k++) {
-    const double angle = 2 * std::numbers::pi * k / n;
-    const Point on_circle(std::cos(angle), std::sin(angle), 0);
-    mesh.points[k] = on_circle, mesh.points[corner(k)] = radius * on_circle + Point(0, 0, 1);
-    mesh.triangles.push_back({k, (k + 1) % n, corner(k + 1)});
-    mesh.triangles.push_back({k, corner(k + 1), corner(k)});
+    mesh.points[k] = shapes::on_circle(k, n), mesh.points[corner(k)] = shapes::on_circle(k, n, radius, 1);
+    shapes::add_quad(mesh, k, (k + 1) % n, corner(k + 1), corner(k));
     mesh.triangles.push_back({(k + 1) % n, k, 2 * n});
   }
   return mesh;
