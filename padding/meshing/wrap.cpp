@@ -31,6 +31,8 @@ Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, c
   out.offset =
       options.offset > 0 ? options.offset : std::min(accuracy_of(options, diagonal) / 3, diagonal / 1500);
   if (options.tolerance > 0) out.offset = options.tolerance / 8;
+  // CGAL comes to no end with an offset that rounding drowns.
+  out.offset = std::max(out.offset, 1e-9 * diagonal);
   std::vector<std::array<std::size_t, 3>> triangles;
   for (const auto& t : soup.triangles) triangles.push_back({t[0], t[1], t[2]});
   CgalMesh mesh;
