@@ -195,7 +195,9 @@ std::string plain_collada(const std::string& bytes, std::vector<std::string>& no
   check_arrays(collada, where);
   check_indices(collada, where);
   if (show_geometries(collada))
-    notes.push_back("no node of its scene shows a mesh: its meshes are read where their coordinates say");
+    notes.push_back(
+        std::string("no node of its scene shows a mesh: its meshes are read where their coordinates say") +
+        (collada.child("library_physics_models") ? ", and not where its physics puts them" : ""));
   std::ostringstream out;
   document.save(out, "", pugi::format_raw);
   return std::move(out).str();

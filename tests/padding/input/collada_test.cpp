@@ -79,6 +79,13 @@ TEST_F(Collada, WhereNoNodeShowsAMeshAllAreReadAndANoteSaysSo) {
   }
 }
 
+TEST_F(Collada, PlacesOfItsPhysicsAreSaidNotToBeRead) {
+  const std::string hidden = with(file(), "<instance_geometry url=\"#g\"/>", "");
+  const ReadResult result = read(with(hidden, "<scene>", "<library_physics_models/><scene>"));
+  ASSERT_EQ(result.notes.size(), 1u);
+  EXPECT_NE(result.notes[0].find("and not where its physics puts them"), std::string::npos);
+}
+
 // Nor is a skin looked at. The second one holds the first.
 TEST_F(Collada, ASkinnedMeshIsReadWhereItsNodeStands) {
   const std::string skins =
