@@ -199,7 +199,7 @@ TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
   EXPECT_EQ(pad("cube.obj --density 0 -o c.csv").status, 2);
 }
 
-// Before it is covered: this sheet of three triangles that cross would take minutes.
+// Before it is covered: at this tolerance that takes longer than it is given here.
 TEST_F(PadFormatsTest, ASheetIsRefusedAtOnceWhereAMassIsWanted) {
   write_file(folder_ / "sheet.obj",
              "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 1 1\nf 1 2 3\nf 1 2 4\nf 3 4 5\n");
