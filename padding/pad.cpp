@@ -474,14 +474,21 @@ Surface repaired_surface(const Mesh& input, RepairOptions options, const std::st
   return surface_in_wrap(input, body, by_grain, report);
 }
 
-// Spheres below the normals of a sheet know of no thickness.
-void check_thickness(const PadOptions& options, const Surface& surface, const std::string& name) {
-  if (!options.thickness.given() || surface.closed()) return;
-  throw Error(
-      name +
-      ": a thickness has no effect on an open sheet that is padded below its normals: leave it out, or " +
-      (options.by_depth() ? "ask for a tolerance or a count, without a depth ratio"
-                          : "leave out --repair never"));
+// Refuses a thickness where spheres lie below the normals of a sheet and know of none, and a body without
+// volume for a program that wants its mass.
+void check_fits(const PadOptions& options, const Surface& surface, const Repaired& body,
+                const std::string& name) {
+  if (options.thickness.given() && !surface.closed())
+    throw Error(
+        name +
+        ": a thickness has no effect on an open sheet that is padded below its normals: leave it out, or " +
+        (options.by_depth() ? "ask for a tolerance or a count, without a depth ratio"
+                            : "leave out --repair never"));
+  const bool sheet = body.kind == BodyKind::sheet;
+  if (!options.volume_for.empty() && (sheet || !(mass_properties(body.boundary()).volume > 0)))
+    throw Error(name + ": it has no volume (" +
+                (sheet ? "an open sheet" : "its triangles face inward on the whole") + "), and " +
+                options.volume_for + " wants mass and moments: close the mesh, or pad it with --repair wrap");
 }
 
 }  // namespace
@@ -513,7 +520,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   Repaired body;
   const Surface surface = repaired_surface(input, repairing(options, length, tolerance, frame.scale()), name,
                                            tolerance, body, report);
-  check_thickness(options, surface, name);
+  check_fits(options, surface, body, name);
   show_repair(body, input.area(), frame, out);
   report.seconds.repair = clock.lap();
 

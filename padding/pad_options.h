@@ -41,6 +41,8 @@ struct PadOptions {
   bool force = false;        // accept values that check_meant would refuse
   std::uint32_t family = 0;  // of the asset; 0: none
   std::uint32_t mask = 0;    // bit k: no contact with family k + 1
+  // A program that wants mass and moments: a mesh without volume is refused for it before it is covered.
+  std::string volume_for = {};
 
   bool each_error() const { return protrusion || gap; }
   Length protrusion_used() const { return protrusion.value_or(tolerance); }

@@ -29,6 +29,9 @@ class DiskError : public Error {
 // answer.
 std::string read_file(const std::filesystem::path& path, std::uintmax_t most = kMostBytes);
 
+// The ending of a name in lower case, as ".stl" of PART.STL: what a file is does not depend on the case.
+std::string ending_of(const std::filesystem::path& path);
+
 // The file that a name leads to: links are followed, also to what is not there yet. The name itself where it
 // is no link, and some link of a circle.
 std::filesystem::path behind_links(const std::filesystem::path& path);

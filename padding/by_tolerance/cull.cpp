@@ -151,7 +151,9 @@ class CullSearch {
     };
     const auto enough = [&](int rung) {
       cover(sum_of(rung));
-      if (cover_.balls.size() > count) return false;
+      // Few balls are no answer where a smallest radius leaves surface open: smaller sums only leave more.
+      const bool in_vain = cover_.open.why == WhyOpen::min_radius && !(options_.tolerance > 0);
+      if (cover_.balls.size() > count || in_vain) return false;
       best_ = cover_;
       return true;
     };
@@ -160,7 +162,10 @@ class CullSearch {
       good = bad;
       if (sum_of(good) == least) break;
     }
-    if (good < 0) throw Error("no cover with so few spheres was found: allow more spheres");
+    if (good < 0)
+      throw Error(cover_.open.why == WhyOpen::min_radius
+                      ? "no spheres as large as --min-radius cover it: use a smaller one"
+                      : "no cover with so few spheres was found: allow more spheres");
     while (bad - good > 1 && !used_up(best_.balls.size(), count)) {
       const int middle = (good + bad) / 2;
       (enough(middle) ? good : bad) = middle;

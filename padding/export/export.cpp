@@ -151,7 +151,7 @@ std::span<const Format> formats() { return table(); }
 const Format& find_format(const fs::path& path, const std::string& name) {
   std::string known;
   for (const Format& f : table()) {
-    if (name.empty() ? (f.own_ending && path.extension() == f.ending) : name == f.name) return f;
+    if (name.empty() ? (f.own_ending && ending_of(path) == f.ending) : name == f.name) return f;
     if (name.empty() && f.own_ending) known += std::string(known.empty() ? "" : " ") + f.ending;
     if (!name.empty()) known += std::string(known.empty() ? "" : " ") + f.name;
   }

@@ -2,8 +2,6 @@
 // Writes glTF 2.0 binary. Every sphere is a node that shows a shared mesh of a unit sphere, which every
 // viewer draws. The instanced form has one node for each body, which EXT_mesh_gpu_instancing draws once for
 // each sphere: smaller and faster, but few viewers know it.
-#include <strings.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -13,6 +11,7 @@
 
 #include "padding/asset/colours.h"
 #include "padding/asset/error.h"
+#include "padding/asset/file.h"
 #include "padding/export/icosphere.h"
 #include "padding/export/writers.h"
 
@@ -114,13 +113,6 @@ class Meshes {
   std::map<Colour, std::size_t> known_;
 };
 
-// Are the coordinates those of a glTF file, whose Y is up?
-bool is_of_gltf(const Model& model) {
-  if (model.robot() || model.bodies.size() != 1) return false;
-  const std::string ending = std::filesystem::path(model.bodies[0].cluster.source.file).extension().string();
-  return strcasecmp(ending.c_str(), ".gltf") == 0 || strcasecmp(ending.c_str(), ".glb") == 0;
-}
-
 // The nodes: a root that turns Z up to glTF's Y up, below it the bodies as their joints hang together, and
 // below each body its spheres.
 class Nodes {
@@ -212,6 +204,12 @@ class Nodes {
 };
 
 }  // namespace
+
+bool is_of_gltf(const Model& model) {
+  if (model.robot() || model.bodies.size() != 1) return false;
+  const std::string ending = ending_of(model.bodies[0].cluster.source.file);
+  return ending == ".gltf" || ending == ".glb";
+}
 
 Files write_glb(const Job& job) { return {{"", Nodes(job.model, false).document()}}; }
 

@@ -35,7 +35,7 @@ class UsdWriter {
     std::string out = "#usda 1.0\n(\n    defaultPrim = \"" + root_.substr(1) +
                       "\"\n    doc = " + quoted(origin(model)) +
                       "\n    kilogramsPerUnit = 1\n    metersPerUnit = " + number(metres(model.unit)) +
-                      "\n    upAxis = \"Z\"\n)\n\n";
+                      "\n    upAxis = \"" + (is_of_gltf(model) ? "Y" : "Z") + "\"\n)\n\n";
     if (several) {
       const bool robot = std::ranges::any_of(model.bodies, [](const Body& b) { return b.parent >= 0; });
       out += "def Xform \"" + root_.substr(1) + "\"" +

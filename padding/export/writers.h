@@ -53,6 +53,9 @@ std::string urdf_of(const Model& model, const ExportOptions& options);
 // one of this name already, and URDFs that hang a robot up call it so.
 bool is_world(const Model& model, int body);
 
+// Are the coordinates those of a glTF file, whose Y is up? Elsewhere Z is.
+bool is_of_gltf(const Model& model);
+
 // Spheres about the centre of mass along the principal axes.
 std::vector<Point> centers_in_mass_frame(const Cluster& cluster);
 

@@ -49,13 +49,6 @@ std::uint32_t common(const std::vector<std::uint32_t>& values, const char* what,
   return values[0];
 }
 
-std::string ending_of(const fs::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return ending;
-}
-
 bool is_any_of(const std::string& ending, std::initializer_list<const char*> endings) {
   return std::ranges::any_of(endings, [&](const char* e) { return ending == e; });
 }

@@ -2,6 +2,7 @@
 // Makes of a COLLADA file one that assimp 5.2 reads as it is meant.
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <map>
 #include <pugixml.hpp>
 #include <sstream>
@@ -27,6 +28,20 @@ void for_elements(xml_node document, std::function<void(xml_node)> visit) {
   } walker;
   walker.visit = std::move(visit);
   document.traverse(walker);
+}
+
+// Calls `visit` for each word of the text in an element.
+void for_words(xml_node node, const std::function<void(std::string_view)>& visit) {
+  constexpr std::string_view blank = " \t\n\v\f\r";
+  for (const xml_node part : node.children()) {
+    std::string_view rest = part.value();
+    for (std::size_t at; (at = rest.find_first_not_of(blank)) < rest.size();) {
+      rest.remove_prefix(at);
+      const std::string_view word = rest.substr(0, rest.find_first_of(blank));
+      rest.remove_prefix(word.size());
+      visit(word);
+    }
+  }
 }
 
 void remove_libraries(xml_node collada, std::initializer_list<const char*> libraries) {
@@ -89,13 +104,7 @@ void check_arrays(xml_node collada, const std::string& where) {
   for_elements(collada, [&](xml_node node) {
     if (!std::string_view(node.name()).ends_with("_array")) return;
     std::uint64_t size = 0;
-    for (const xml_node part : node.children()) {
-      bool in_value = false;
-      for (const char c : std::string_view(part.value())) {
-        const bool blank = c == ' ' || (c >= '\t' && c <= '\r');
-        size += !blank && !in_value, in_value = !blank;
-      }
-    }
+    for_words(node, [&size](std::string_view) { size++; });
     if (!node.attribute("count")) node.append_attribute("count");
     node.attribute("count") = static_cast<unsigned long long>(size);
     sizes[node.attribute("id").value()] = size;
@@ -116,6 +125,22 @@ void check_arrays(xml_node collada, const std::string& where) {
       fail(where, "an accessor takes " + std::to_string(wanted) + " values from the array '" +
                       excerpt(array->first) + "', which has " + std::to_string(array->second) +
                       ": the file is damaged, export it again");
+  });
+}
+
+// assimp takes what is no index for index 0, and comes to no end where letters follow a number.
+void check_indices(xml_node collada, const std::string& where) {
+  for_elements(collada, [&](xml_node node) {
+    const std::string_view name = node.name();
+    if (name != "p" && name != "vcount") return;
+    for_words(node, [&](std::string_view word) {
+      std::int64_t index = 0;
+      if (!parse_whole(word, index) || index < 0 || index > std::numeric_limits<std::int32_t>::max())
+        fail(where,
+             "a <" + excerpt(node.parent().name()) + "> has " + printable(word) + " in its <" +
+                 std::string(name) +
+                 ">, where an index or a number of corners is wanted: the file is damaged, export it again");
+    });
   });
 }
 
@@ -168,8 +193,11 @@ std::string plain_collada(const std::string& bytes, std::vector<std::string>& no
   refuse_what_is_not_read(collada, where);
   check_unit(collada, where);
   check_arrays(collada, where);
+  check_indices(collada, where);
   if (show_geometries(collada))
-    notes.push_back("no node of its scene shows a mesh: its meshes are read where their coordinates say");
+    notes.push_back(
+        std::string("no node of its scene shows a mesh: its meshes are read where their coordinates say") +
+        (collada.child("library_physics_models") ? ", and not where its physics puts them" : ""));
   std::ostringstream out;
   document.save(out, "", pugi::format_raw);
   return std::move(out).str();

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "padding/asset/excerpt.h"
+#include "padding/meshing/wrap_kernel.h"
 
 namespace padder {
 
@@ -30,10 +31,13 @@ Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, c
   out.offset =
       options.offset > 0 ? options.offset : std::min(accuracy_of(options, diagonal) / 3, diagonal / 1500);
   if (options.tolerance > 0) out.offset = options.tolerance / 8;
+  // CGAL comes to no end with an offset that rounding drowns.
+  out.offset = std::max(out.offset, 1e-9 * diagonal);
   std::vector<std::array<std::size_t, 3>> triangles;
   for (const auto& t : soup.triangles) triangles.push_back({t[0], t[1], t[2]});
   CgalMesh mesh;
-  CGAL::alpha_wrap_3(soup.points, triangles, out.alpha, out.offset, mesh);
+  CGAL::alpha_wrap_3(soup.points, triangles, out.alpha, out.offset, mesh,
+                     CGAL::parameters::geom_traits(WrapKernel()), CGAL::parameters::default_values());
   out.mesh = from_cgal(mesh), out.checked = true;
   const auto percent = [&](double length) { return short_number(100 * length / diagonal, 3) + " %"; };
   out.report = "wrapped (" + why + "; alpha " + percent(out.alpha) + ", offset " + percent(out.offset) +

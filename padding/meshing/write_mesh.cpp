@@ -16,12 +16,12 @@
 namespace padder {
 
 bool can_write_mesh(const std::filesystem::path& path) {
-  const auto ending = path.extension();
+  const std::string ending = ending_of(path);
   return ending == ".obj" || ending == ".off" || ending == ".ply" || ending == ".stl";
 }
 
 void write_mesh(const Mesh& mesh, const std::filesystem::path& path) {
-  const auto ending = path.extension();
+  const std::string ending = ending_of(path);
   if (!can_write_mesh(path))
     throw Error("cannot write " + path.string() + ": a mesh is written as .obj, .off, .ply or .stl");
   const Box box = mesh.bounds();

@@ -266,12 +266,12 @@ void write_page(const View& view, const fs::path& path, const PageOptions& optio
   out.commit();
 }
 
-bool is_preview(const fs::path& path) { return path.extension() == ".html" || path.extension() == ".png"; }
+bool is_preview(const fs::path& path) { return ending_of(path) == ".html" || ending_of(path) == ".png"; }
 
 void write_preview(const View& view, const fs::path& path, ColourBy colour) {
   if (!is_preview(path))
     throw Error("cannot tell what to write to " + path.string() + ": end it with .html or .png");
-  if (path.extension() == ".html")
+  if (ending_of(path) == ".html")
     write_page(view, path, {.colour = colour, .script = {}});
   else
     write_png(render(view, {.colour = colour}), path);

@@ -46,6 +46,16 @@ TEST_F(PadFormatsTest, EndingsAndFormats) {
   EXPECT_TRUE(fs::exists(folder_ / "many/cube.txt"));
 }
 
+TEST_F(PadFormatsTest, AnEndingInCapitalsMeansTheSame) {
+  fs::rename(folder_ / "cube.obj", folder_ / "CUBE.OBJ");
+  ASSERT_EQ(
+      pad("CUBE.OBJ --edge-length 10% -q -o C.JSON -o C.VTP -o C.STL --write-mesh S.PLY --preview C.PNG")
+          .output,
+      "");
+  expect_same_spheres(read_spheres(folder_ / "C.VTP"), read_spheres(folder_ / "C.JSON"));
+  for (const char* file : {"C.STL", "S.PLY", "C.PNG"}) EXPECT_TRUE(fs::exists(folder_ / file)) << file;
+}
+
 TEST_F(PadFormatsTest, AMercuryFolderIsReadBack) {
   ASSERT_EQ(pad("cube.obj --edge-length 10% -q -o c.spheres.json -o c.vtp").output, "");
   ASSERT_EQ(pad("c.spheres.json -o m --format mercury -q").output, "");
@@ -187,6 +197,18 @@ TEST_F(PadFormatsTest, WhatAFormatCannotHoldIsASentenceAndNoFile) {
   EXPECT_EQ(pad("cube.obj --format povray").status, 2);
   EXPECT_EQ(pad("r.urdf -o r.spheres.json").status, 2);
   EXPECT_EQ(pad("cube.obj --density 0 -o c.csv").status, 2);
+}
+
+// Before it is covered: at this tolerance that takes longer than it is given here.
+TEST_F(PadFormatsTest, ASheetIsRefusedAtOnceWhereAMassIsWanted) {
+  write_file(folder_ / "sheet.obj",
+             "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 1 1\nf 1 2 3\nf 1 2 4\nf 3 4 5\n");
+  for (const char* output : {"-o s.csv", "-o s.json -o s.csv", "--format chrono -o s.h"}) {
+    const Ran r = pad(std::string("sheet.obj --tolerance 0.05% --seconds 10 -q ") + output);
+    EXPECT_EQ(r.status, 1);
+    EXPECT_TRUE(holds(r.output, "sheet.obj: it has no volume (an open sheet), and ")) << r.output;
+    EXPECT_FALSE(fs::exists(folder_ / "s.json"));
+  }
 }
 
 TEST_F(PadFormatsTest, SpheresAreConvertedWithoutPadding) {

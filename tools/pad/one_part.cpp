@@ -35,12 +35,12 @@ bool is_folder(const std::string& path) {
 const Format* format_of(const PadArguments& a, const std::string& mesh) {
   const std::string output = a.output();
   const bool named = !output.empty() && (!is_folder(output) || a.format == "mercury");
-  if (is_robot(mesh) && output.ends_with(".json"))
+  if (is_robot(mesh) && ending_of(output) == ".json")
     throw cli::UsageError(
         "a robot has several links and a .spheres.json is one body: -o a folder gets one for each link");
   try {
     if (!a.format.empty()) return &find_format({}, a.format);
-    if (named && !output.ends_with(".json")) return &find_format(output);
+    if (named && ending_of(output) != ".json") return &find_format(output);
     return is_robot(mesh) ? &find_format({}, "urdf") : nullptr;
   } catch (const Error& e) {
     if (std::error_code code; a.format.empty() && !fs::exists(mesh, code))  // the first that must be mended
@@ -152,7 +152,10 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
     if (print) robot ? print_robot(report) : print_convert(report);
     return report;
   }
-  const Padded padded = pad_file(file, {a.scale, a.unit}, a.options, progress);
+  PadOptions options = a.options;
+  for (const OutputFile& out : target.outputs)
+    if (out.format && out.format->mass_frame) options.volume_for = out.format->program;
+  const Padded padded = pad_file(file, {a.scale, a.unit}, options, progress);
   std::vector<std::string> warnings = padded.report.warnings;
   target.make_folders();  // not before: where nothing is made, no empty folder stays
   for (const OutputFile& out : target.outputs) {

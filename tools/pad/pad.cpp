@@ -62,7 +62,7 @@ void add_further_outputs(const PadArguments& a, std::vector<OutputFile>& out) {
     const std::string& path = a.outputs[k];
     if (a.meshes.size() > 1 || is_folder(a.outputs[0]) || is_folder(path))
       throw UsageError("several -o are files, and for one input: end each with the ending of its format");
-    const bool own = path.ends_with(".json");
+    const bool own = ending_of(path) == ".json";
     if (own && is_robot(a.meshes[0]))
       throw UsageError("a robot has several links and a .spheres.json is one body: -o a folder for these");
     try {
@@ -114,7 +114,7 @@ std::vector<PadTarget> targets(const PadArguments& a, const std::map<std::string
                      (a.meshes.size() > 1
                           ? " is no folder, which several meshes need: make it, or end it with /"
                           : " ends neither in .html nor in .png: name one of these, or a folder"));
-  if (a.preview.ends_with(".html")) page_script();  // before the work, not after it
+  if (ending_of(a.preview) == ".html") page_script();  // before the work, not after it
   return out;
 }
 

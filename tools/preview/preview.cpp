@@ -90,7 +90,7 @@ void declare(CLI::App& app, Arguments& a) {
 
 // What the options say that CLI11 does not check: before any work is done.
 void check(Arguments& a) {
-  const std::string ending = fs::path(a.output).extension().string();
+  const std::string ending = padder::ending_of(a.output);
   if (ending != ".html" && ending != ".png")
     throw UsageError("cannot tell what to write to " + a.output + ": end it with .html or .png");
   if (!a.size.empty()) {
@@ -159,7 +159,7 @@ int run(Arguments& a, const CLI::App& app, padder::cli::StreamFiles& files) {
   omp_set_num_threads(std::min(omp_get_max_threads(), padder::cli::kMostThreads));
   use_stdout(a, files);
   check(a);
-  const bool page = a.output.ends_with(".html");
+  const bool page = padder::ending_of(a.output) == ".html";
   if (page)
     padder::cli::refuse_options(app, {"--samples", "--size", "--show", "--plain", "--dark"},
                                 " is for a picture (.png), and a page is drawn by the browser: leave it out");

@@ -70,6 +70,16 @@ TEST(Cull, ASmallCountIsUsedWell) {
   }
 }
 
+// Spheres too large for the ring's inside stand out of it: the smallest error for that is found, and nothing
+// smaller tried.
+TEST(Cull, ASmallestRadiusIsKeptByACount) {
+  const Culled large = cull(torus(), {.max_spheres = 60, .min_radius = 0.15});
+  expect_proved(torus(), large);
+  EXPECT_EQ(large.open.why, WhyOpen::nothing);
+  for (const Ball& ball : large.balls) EXPECT_GE(ball.radius, 0.15);
+  EXPECT_GT(large.gap, 2 * cull(torus(), {.max_spheres = 60}).gap);
+}
+
 TEST(Cull, CountComesBeforeTolerance) {
   const Culled few = cull(torus(), {.tolerance = 0.004, .max_spheres = 20});
   expect_proved(torus(), few);

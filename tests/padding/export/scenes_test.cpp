@@ -123,6 +123,7 @@ TEST_F(ScenesTest, APartOfAGltfIsNotTurned) {
     c.source.file = file;
     for (const char* format : {"glb", "glb-instanced"})
       EXPECT_EQ(Glb(text(model_of(c), "b.glb", format)).j["nodes"][0].contains("rotation"), turned) << file;
+    EXPECT_EQ(holds(text(model_of(c), "b.usda"), "upAxis = \"Z\""), turned) << file;
   }
 }
 

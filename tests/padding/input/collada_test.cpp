@@ -55,6 +55,13 @@ TEST_F(Collada, AnAccessorThatLeavesItsArrayIsRefused) {
   EXPECT_NEAR(volume(between), 1.0 / 6, 1e-7);
 }
 
+// assimp read on without end after an index with letters behind it, and took what is none for 0.
+TEST_F(Collada, WhatIsNoIndexIsRefused) {
+  for (const char* index : {"3!1", "3.5", "-1", "4294967296", "1e3", "x"})
+    expect_fault(with(file(), "0 3 2</p>", std::string("0 ") + index + " 2</p>"),
+                 std::string("a <triangles> has '") + index + "' in its <p>, where an index");
+}
+
 TEST_F(Collada, AHullThatIsWrittenOutIsAMesh) {
   const std::string hull = with(with(file(), "<mesh>", "<convex_mesh>"), "</mesh>", "</convex_mesh>");
   EXPECT_NEAR(volume(read(hull)), 1.0 / 6, 1e-7);
@@ -70,6 +77,13 @@ TEST_F(Collada, WhereNoNodeShowsAMeshAllAreReadAndANoteSaysSo) {
     ASSERT_EQ(result.notes.size(), 1u);
     EXPECT_NE(result.notes[0].find("no node of its scene shows a mesh"), std::string::npos);
   }
+}
+
+TEST_F(Collada, PlacesOfItsPhysicsAreSaidNotToBeRead) {
+  const std::string hidden = with(file(), "<instance_geometry url=\"#g\"/>", "");
+  const ReadResult result = read(with(hidden, "<scene>", "<library_physics_models/><scene>"));
+  ASSERT_EQ(result.notes.size(), 1u);
+  EXPECT_NE(result.notes[0].find("and not where its physics puts them"), std::string::npos);
 }
 
 // Nor is a skin looked at. The second one holds the first.

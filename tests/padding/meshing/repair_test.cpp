@@ -134,6 +134,12 @@ TEST(Repair, AWrapOfAnOpenBoxIsAShell) {
   for (const auto v : used) EXPECT_LE(wrap.signed_nearest(mesh.points[v]).distance, 0);  // encloses the input
 }
 
+TEST(Repair, AWrapForAToleranceOfNothingComesToAnEnd) {
+  const Repaired r = repair(kCube, {.mode = RepairMode::wrap, .accuracy = 1e-300, .alpha = 0.5}, "cube");
+  EXPECT_GE(r.offset, 1e-9);
+  EXPECT_NEAR(volume(r), 1, 1e-6);
+}
+
 TEST(Repair, OverlappingBoxesBecomeTheirUnion) {
   const Repaired r = repair(joined(kCube, shapes::box({0.45, 0.2, 0.2}, {1.5, 0.7, 0.7}, 2)), {}, "boxes");
   EXPECT_EQ(r.kind, BodyKind::solid);
