@@ -53,10 +53,9 @@ __global__ void __launch_bounds__(kThreads)
   to[0] = make_double2(s.x, s.y), to[1] = make_double2(s.z, s.r);
 }
 
-// Slots that are rounded or fixed point are not the spheres that doubt and records need. Where each is one
-// piece of memory, and one test in the whole search finds a contact, a record fetches them from the caller's
-// arrays: what the tiles of a moment need stays in L2, and there is nothing to gather. Otherwise that takes
-// longer, up to a fourth with radii of 1:100.
+// Slots that are rounded or fixed point are not the spheres that doubt and records need. Spheres of one
+// radius whose numbers lie together are fetched from the caller's array: what the tiles of a moment need
+// stays in L2, and there is nothing to gather. Others take longer so, with radii of 1:100 by a fourth.
 bool gathers_given(const OrderRequest& r) {
   if (!r.source.rounded) return r.kind == SlotKind::fixed_point;
   return r.kind != SlotKind::equal || !r.source.packed || r.source.placed > 0;
