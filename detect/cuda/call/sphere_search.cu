@@ -188,7 +188,6 @@ void SphereSearch::expect_report(const Plan& plan, Tools& tools) {
 // The first half of a pass over the device.
 Ordered SphereSearch::enqueue_order(const Plan& plan, Tools& tools, cudaStream_t stream, StageClock& clock) {
   Counters* const counters = tools.counters();
-  if (plan.probes()) tools.surveyor.probe(plan.searched(), plan.groups, stream);
   const ProfileRange range("padder: order (stages 1 to 6)");
   if (plan.with_survey && !plan.along())
     tools.surveyor.begin(plan.source, plan.octaves, plan.top, plan.processors, stream);
@@ -209,6 +208,10 @@ Ordered SphereSearch::enqueue_order(const Plan& plan, Tools& tools, cudaStream_t
                                                .processors = plan.processors,
                                                .stream = stream,
                                                .keep = plan.with_survey});
+  // Beside the search: the host alone asks for what the probes find.
+  if (plan.probes())
+    tools.probing.fork(
+        stream, [&](cudaStream_t beside) { tools.surveyor.probe(plan.searched(), plan.groups, beside); });
   clock.mark(3);
   return spheres;
 }
@@ -230,6 +233,7 @@ void SphereSearch::enqueue_search(const Plan& plan, const Ordered& spheres, Tool
     History::enqueue(history, plan.processors, stream);
     clock.mark(StageClock::kHistory);
   }
+  tools.probing.join(stream);
   tools.report.send(stream);
 }
 

@@ -69,6 +69,7 @@ class SphereSearch {
       cuda_check(cudaMemsetAsync(counters(), 0, sizeof(Counters), stream), "clear the counters");
     }
     Surveyor surveyor;
+    Branch probing;
     Report report;
     Orderer orderer;
     SearchMemory search;

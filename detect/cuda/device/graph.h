@@ -2,6 +2,8 @@
 // Repeats the work of a call as a CUDA graph: no gaps between its kernels, and one launch instead of many.
 // Only .cu files include this.
 #pragma once
+#include <utility>
+
 #include "detect/cuda/device/memory.h"
 
 namespace padder::detect::cuda {
@@ -23,6 +25,39 @@ class SideStream {
 
  private:
   cudaStream_t stream_ = nullptr;
+};
+
+// Work beside that of a stream, which a recording of the stream holds, too: it begins when the stream has
+// come to fork(), and the stream goes on. join() makes the stream wait for it, where it has been forked.
+class Branch {
+ public:
+  Branch() = default;
+  ~Branch() {
+    for (const cudaEvent_t e : {begin_, end_})
+      if (e) cudaEventDestroy(e);
+  }
+  Branch(const Branch&) = delete;
+  Branch& operator=(const Branch&) = delete;
+
+  template <class Enqueue>
+  void fork(cudaStream_t stream, Enqueue enqueue) {
+    pass(stream, begin_, side_.get());
+    enqueue(side_.get());
+    forked_ = true;
+  }
+  void join(cudaStream_t stream) {
+    if (std::exchange(forked_, false)) pass(side_.get(), end_, stream);
+  }
+
+ private:
+  static void pass(cudaStream_t from, cudaEvent_t& event, cudaStream_t to) {
+    if (!event) cuda_check(cudaEventCreateWithFlags(&event, cudaEventDisableTiming), "make an event");
+    cuda_check(cudaEventRecord(event, from), "order the work of two streams");
+    cuda_check(cudaStreamWaitEvent(to, event, 0), "order the work of two streams");
+  }
+  SideStream side_;
+  cudaEvent_t begin_ = nullptr, end_ = nullptr;
+  bool forked_ = false;
 };
 
 // Plan: everything that decides what is enqueued, and comparable. Whatever a kernel is given by value must
