@@ -8,8 +8,9 @@
 
 namespace padder::detect::cuda {
 
-// A stream that waits for no other stream, and for which none waits. Work is recorded on it: on a stream that
-// waits for the default one, other threads could disturb the recording. Made when it is first asked for.
+// A stream that waits for no other stream by itself, and for which none does. Work is recorded on it: on a
+// stream that waits for the default one, other threads could disturb the recording. Made when it is first
+// asked for.
 class SideStream {
  public:
   SideStream() = default;
