@@ -94,12 +94,13 @@ class Work {
     read_facts(input);
     const Call call = begin(input, options);
     const DeviceSpheres source = read(call);
-    forget_unseen(), forget_revision();
-    if (source.count == 0) return {};
-    Contacts c;
-    nine_stages(source, call, c);
-    last_count_ = 0;
-    Arrays arrays = stages_->arrays(list_.pairs(), call.stream);
+    forget_unseen(), forget_revision(), last_count_ = 0;
+    Arrays arrays;
+    if (source.count > 0) {
+      Contacts c;
+      nine_stages(source, call, c);
+      arrays = stages_->arrays(list_.pairs(), call.stream);
+    }
     running_ = false;
     return arrays;
   }

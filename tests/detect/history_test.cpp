@@ -132,8 +132,10 @@ TEST_P(HistoryTest, IsAllThereForTheSameSceneAndEmptyAfterACallWithoutContacts) 
   EXPECT_GT(known_, 0u);
   EXPECT_EQ(known_, before_.size());
 
-  detector_->stages(a.input);
-  before_.clear(), expect_right(a.input);
+  for (const Input& staged : {a.input, Input{}}) {
+    detector_->stages(staged);
+    before_.clear(), expect_right(a.input);
+  }
   detector_->detect_worlds(a.input, 1, Answer::count);
   before_.clear(), expect_right(a.input);
   detector_->options().threads = -1;
