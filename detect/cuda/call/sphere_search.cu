@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "detect/cuda/call/sphere_search.h"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "detect/cuda/device/profile_range.h"
@@ -34,8 +36,39 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   return s;
 }
 
+struct Point {
+  double at[3];
+};
+
+// Half the length of the scene.
+double half_of(const Summary& s) {
+  double half = s.radius_max;
+  for (int k = 0; k < 3; k++) half = std::max(half, s.high[k] / 2 - s.low[k] / 2);
+  return half;
+}
+// Near the middle of the scene, in steps of 2.7 to 5.5 times half_of(): it seldom changes while spheres move,
+// and is the origin where that lies in the scene. There floats stay finest: where few spheres have escaped,
+// the others lie anywhere in the bounds. 1.37: many scenes have a power of two as their length.
+Point middle_of(const Summary& s) {
+  const double half = half_of(s);
+  Point middle{};
+  if (!(half > 0)) return middle;
+  const double step = 4 * std::ldexp(1, std::ilogb(1.37 * half));
+  for (int k = 0; k < 3; k++) middle.at[k] = step * std::round((s.low[k] / 2 + s.high[k] / 2) / step);
+  return middle;
+}
+// Of spheres that lie so much further along the axes. Their needs and octaves are not moved.
+Summary moved(Summary s, const double (&by)[3], double sign) {
+  s.extent = 0;
+  for (int k = 0; k < 3; k++) {
+    s.low[k] += sign * by[k], s.high[k] += sign * by[k];
+    s.extent = larger(s.extent, larger(magnitude(s.low[k]), magnitude(s.high[k])));
+  }
+  return s;
+}
+
 // Input in double is searched as float where that leaves float sure of most pairs, and worlds are searched
-// side by side (exact_test.h).
+// side by side (exact_test.h). `s`: relative to the middle.
 bool may_round(const DeviceSpheres& source, const Summary& s, double margin) {
   return (source.worlds_apart || (source.wide && source.placed == 0)) &&
          SphereSearch::serves_rounded(s, margin);
@@ -105,13 +138,32 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
   return good;
 }
 
+// Would a survey find the same middle? For a stable order, which must not depend on the calls before: surely,
+// since what is known is rounded. In any order it stays while it is not twice as far away as it may be.
+bool SphereSearch::middle_stays(const Call& call) const {
+  if (call.options.order == Order::any) return summary_.extent <= 8 * half_of(summary_);
+  for (const int low : {-1, 1})
+    for (const int high : {-1, 1}) {
+      Summary given = moved(summary_, middle_, 1);
+      for (int k = 0; k < 3; k++) {
+        const double error = 0x1p-23 * extent_of(summary_) + 0x1p-51 * magnitude(middle_[k]);
+        given.low[k] += low * error, given.high[k] += high * error;
+      }
+      given.radius_max *= 1 + high * 0x1p-23;
+      if (!std::ranges::equal(middle_of(given).at, middle_)) return false;
+    }
+  return true;
+}
+
 // Also finds summary_ of the floats that are searched in the place of what is given.
 void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& call) {
   DeviceSpheres searched = source;
   searched.rounded = source.worlds_apart;
   if (!searched.rounded) {
     summary_ = survey(source, call);
-    searched.rounded = may_round(source, summary_, call.options.margin);
+    std::ranges::copy(middle_of(summary_).at, searched.middle);
+    searched.rounded = may_round(source, moved(summary_, searched.middle, -1), call.options.margin);
+    if (summary_.radius_min == summary_.radius_max) searched.radius_of_all = summary_.radius_max;
   }
   if (searched.rounded) {
     const Summary of_floats = tools_.surveyor.survey(searched, call.processors, call.stream);
@@ -119,7 +171,8 @@ void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& c
     if (searched.rounded) summary_ = of_floats;
     if (source.worlds_apart && !searched.rounded) throw Error(kChanged);
   }
-  rounded_ = searched.rounded;
+  rounded_ = searched.rounded, radius_of_all_ = searched.radius_of_all;
+  std::ranges::copy(searched.middle, middle_);
   summary_.near = tools_.surveyor.neighbourhood(searched, summary_, call.stream);
   set_growth(call.options);
 }
@@ -135,6 +188,10 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   if (plan_.search.stable_order) plan_.search.quota = quota_;
   plan_.search.long_rows = long_rows_;
   plan_.rounded = rounded_ && may_round(source, summary, call.options.margin);
+  if (plan_.rounded) {
+    plan_.source.radius_of_all = radius_of_all_;
+    std::ranges::copy(middle_, plan_.source.middle);
+  }
   const bool floats = plan_.searched().searched_as_floats() &&
                       float_range(summary.extent, summary.radius_max + call.options.margin / 2);
   plan_.kind = !floats                                    ? SlotKind::fixed_point
@@ -293,8 +350,9 @@ struct SphereSearch::Steps {
     check(source, s.summary_, call);
     // A list of rounded spheres has another order than one of doubles.
     if (call.options.order == Order::stable && !s.rounded_ &&
-        may_round(source, s.summary_, call.options.margin))
+        may_round(source, moved(s.summary_, middle_of(s.summary_).at, -1), call.options.margin))
       return Trial::differs;
+    if (s.rounded_ && !source.worlds_apart && !s.middle_stays(call)) return Trial::differs;
     // Where the last octave is populated, a survey by itself may tell sizes apart in another way
     // (Summary::above).
     if (s.summary_.octave[kOctaves - 1].count > 0) return Trial::differs;

@@ -78,6 +78,7 @@ class SphereSearch {
 
   Grid best_grid(const Call& call, const Summary& summary, GridBounds bounds) const;
   bool still_good(const Call& call, const Summary& previous);
+  bool middle_stays(const Call& call) const;
   void set_growth(const CallOptions& options);
   void survey_as_searched(const DeviceSpheres& source, const Call& call);
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
@@ -96,9 +97,11 @@ class SphereSearch {
   Recording<Plan> recording_;
   SpeculativeCall speculative_{0};
   Summary summary_;
-  bool rounded_ = false;     // summary_ is of doubles rounded to float
-  Grid grid_;                // that the next pass is to use
-  std::uint64_t calls_ = 0;  // in any order, after which the grid could stay
+  bool rounded_ = false;          // summary_ is of doubles rounded to float
+  double middle_[3] = {0, 0, 0};  // of DeviceSpheres, for those
+  double radius_of_all_ = 0;      // likewise
+  Grid grid_;                     // that the next pass is to use
+  std::uint64_t calls_ = 0;       // in any order, after which the grid could stay
   bool spread_ = false;  // levels are hashed, because spheres are too crowded in some part of a dense level
   int crowding_ = 0;     // OrderRequest::crowding that the spheres asked for
   std::uint64_t long_rows_ = 0;    // SearchOptions::long_rows that the spheres asked for

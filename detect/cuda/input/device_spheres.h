@@ -45,6 +45,10 @@ struct DeviceSpheres {
   bool packed = false;  // x, y, z, r lie together, aligned to 16 bytes: a float sphere is one load
   // Doubles count as rounded to float. A radius below zero becomes no number, since it might round to zero.
   bool rounded = false;
+  // Those count relative to here: floats are fine near the scene, wherever it lies.
+  double middle[3] = {0, 0, 0};
+  // Their radius; 0: they have several. Another one becomes no number.
+  double radius_of_all = 0;
   bool filtered = false;
   // Of many worlds: spheres that are searched lie side by side, and count as rounded.
   bool worlds_apart = false;
@@ -83,6 +87,12 @@ struct DeviceSpheres {
     const auto* p = static_cast<const float*>(centers) + c;
     return {p[0], p[1], p[2], static_cast<const float*>(radii)[r]};
   }
+  // The double sphere k, where none is placed. Where `radius_of_all` stands, its radius is not fetched.
+  __device__ __forceinline__ Sphere given_sphere(std::uint32_t k) const {
+    if (packed || radius_of_all == 0 || !is_own(k)) return sphere<true>(k);
+    const auto* p = static_cast<const double*>(centers) + std::uint64_t(k - before) * center_stride;
+    return {__ldg(p), __ldg(p + 1), __ldg(p + 2), radius_of_all};
+  }
   // Of loose sphere k.
   __device__ __forceinline__ bool is_own(std::uint32_t k) const { return k - before < own; }
   __device__ __forceinline__ std::uint32_t in_around(std::uint32_t k) const {
@@ -109,9 +119,10 @@ struct DeviceSpheres {
   __device__ __forceinline__ Sphere seen(const Sphere& s) const {
     return AsGiven || !rounded ? s : rounded_sphere(s);
   }
-  static __device__ __forceinline__ Sphere rounded_sphere(const Sphere& s) {
-    return {static_cast<float>(s.x), static_cast<float>(s.y), static_cast<float>(s.z),
-            s.r < 0 ? NAN : static_cast<float>(s.r)};
+  __device__ __forceinline__ Sphere rounded_sphere(const Sphere& s) const {
+    const bool other = s.r < 0 || (radius_of_all > 0 && s.r != radius_of_all);
+    return {static_cast<float>(s.x - middle[0]), static_cast<float>(s.y - middle[1]),
+            static_cast<float>(s.z - middle[2]), other ? NAN : static_cast<float>(s.r)};
   }
   __device__ __forceinline__ std::uint32_t world_of(std::uint32_t k) const {
     if (k < placed) return bodies[body_of[k]].world;

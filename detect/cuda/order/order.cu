@@ -54,11 +54,13 @@ __global__ void __launch_bounds__(kThreads)
 }
 
 // Slots that are rounded or fixed point are not the spheres that doubt and records need. Spheres of one
-// radius whose numbers lie together are fetched from the caller's array: what the tiles of a moment need
-// stays in L2, and there is nothing to gather. Others take longer so, with radii of 1:100 by a fourth.
+// radius are fetched from the caller's array, if that takes one piece of memory each: what the tiles of a
+// moment need stays in L2, and there is nothing to gather. Others take longer so, with radii of 1:100 by a
+// fourth.
 bool gathers_given(const OrderRequest& r) {
   if (!r.source.rounded) return r.kind == SlotKind::fixed_point;
-  return r.kind != SlotKind::equal || !r.source.packed || r.source.placed > 0;
+  const bool one_piece = r.source.packed || r.source.radius_of_all > 0;
+  return r.kind != SlotKind::equal || !one_piece || r.source.placed > 0;
 }
 
 }  // namespace

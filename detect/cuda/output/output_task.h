@@ -135,7 +135,8 @@ __device__ __forceinline__ std::uint32_t id_at(const OutputTask& task, std::uint
 // As it was given, where slots do not hold the spheres. Rounded ones of several sizes are always gathered.
 template <SlotKind Kind>
 __device__ __forceinline__ Sphere given_sphere(const OutputTask& task, std::uint32_t index) {
-  if (Kind != SlotKind::unequal && !task.spheres.given) return task.source.sphere(id_at<Kind>(task, index));
+  if (Kind != SlotKind::unequal && !task.spheres.given)
+    return task.source.given_sphere(id_at<Kind>(task, index));
   const auto* const p = reinterpret_cast<const double2*>(task.spheres.given + index);
   const double2 xy = __ldg(p), zr = __ldg(p + 1);
   return {xy.x, xy.y, zr.x, zr.y};

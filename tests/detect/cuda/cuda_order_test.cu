@@ -472,13 +472,16 @@ TEST_P(CudaOrderTest, BucketsAreKept) {
 
 // Doubles that count as rounded: their buckets are kept although bins are wider than the radius asks for, the
 // bounds are those of the floats, and the spheres as they were given stand beside the slots, but where those
-// of one radius lie together in the caller's arrays: there records find them.
+// of one radius take one piece of memory each in the caller's arrays: there records find them.
 TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
   std::mt19937 random(12);
   for (const bool same : {true, false}) {
     const auto floats = cloud(random, 20'000, 27, -3, same ? 0.6f : 0.4f, 0.6f);
     std::vector<Sphere> doubles;
-    for (const float4& s : floats) doubles.push_back({s.x * (1 + 0x1p-30), s.y, s.z * (1 - 0x1p-30), s.w});
+    const double middle[3] = {64.25, -32.5, 7};
+    for (const float4& s : floats)
+      doubles.push_back(
+          {middle[0] + s.x * (1 + 0x1p-30), middle[1] + s.y, middle[2] + s.z * (1 - 0x1p-30), s.w});
     Buffer<Sphere> given(book_, "the test");
     Buffer<unsigned long long> words(book_, "the test");
     cuda_check(cudaMemcpy(given.reserve(doubles.size()), doubles.data(), 32 * doubles.size(),
@@ -491,12 +494,14 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
     const Grid grid = choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine);
     Orderer orderer(book_);
     orderer.bucket_spheres = GetParam().bucket_spheres;
-    for (const bool packed : {true, false, true}) {
+    for (const auto& [packed, known] : {std::pair(true, false), {false, false}, {false, same}}) {
       DeviceSpheres source;
       source.centers = given.data(), source.radii = &given.data()->r;
       source.center_stride = source.radius_stride = 4;
       source.count = static_cast<std::uint32_t>(doubles.size());
       source.wide = source.rounded = true, source.packed = packed;
+      std::ranges::copy(middle, source.middle);
+      if (known) source.radius_of_all = doubles[0].r;
       const Gather gather{head + Surveyor::kHead, nullptr, 0};
       const Ordered o = orderer.order({.source = source,
                                        .grid = grid,
@@ -521,7 +526,7 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
       ASSERT_EQ(unordered(bounds[kRadiusMax]), summary.radius_max);
       const auto slots = host(static_cast<const float4*>(o.slots), o.count);
       const auto ids = o.ids ? host(o.ids, o.count) : std::vector<std::uint32_t>();
-      ASSERT_EQ(o.given == nullptr, same && packed);
+      ASSERT_EQ(o.given == nullptr, same && (packed || known));
       const auto spheres = o.given ? host(o.given, o.count) : std::vector<Sphere>();
       for (std::uint32_t p = 0; p < o.count; p++) {
         std::uint32_t id = 0;
@@ -531,7 +536,7 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
           ASSERT_TRUE(spheres[p].x == d.x && spheres[p].y == d.y && spheres[p].z == d.z &&
                       spheres[p].r == d.r);
         }
-        ASSERT_EQ(slots[p].x, static_cast<float>(d.x));
+        ASSERT_EQ(slots[p].x, static_cast<float>(d.x - middle[0]));
       }
     }
   }

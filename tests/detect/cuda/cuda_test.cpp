@@ -120,11 +120,11 @@ TEST_F(CudaTest, LargeScenesAgreeWithAMargin) {
   Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
   for (const char* name : {"dense", "dilute", "poly35", "poly100"})
     for (const std::uint64_t n : {60'000, 300'000})
-      for (const double far : {0.0, 2e3, 4e4, 1e12}) {
+      for (const double far : {0.0, 2e3, 1e9, 1e12}) {
         const auto spheres = generate(name, n);
         std::vector<Sphere> doubles;
         for (const FloatSphere& s : spheres) doubles.push_back({s.x + 0x1p-30 * s.y, s.y, s.z, s.r});
-        if (far > 1e6)
+        if (far > 1e10)
           doubles[0].x = far;
         else
           for (Sphere& s : doubles) s.x += far;
@@ -176,6 +176,27 @@ TEST_F(CudaTest, WhatWasDetectedBeforeDoesNotMatter) {
   }
 }
 
+// So does one whose doubles travel, of which floats are made relative to the middle of the scene.
+TEST_F(CudaTest, DoublesThatTravelDoNotMatter) {
+  for (const char* name : {"dense", "poly100"})
+    for (const double from : {-20.0, 1e7}) {
+      std::vector<Sphere> spheres;
+      for (const FloatSphere& s : generate(name, 20'000)) spheres.push_back({from + s.x, s.y, s.z, s.r});
+      Detector d({BackendKind::cuda}, gpu_);
+      for (int step = 0; step < 30; step++) {
+        for (std::size_t k = 0; k < spheres.size(); k++)
+          spheres[k].x += 0.9 + 1e-3 * static_cast<double>(k % 7), spheres[k].z -= 0.1;
+        if (step == 10) spheres[5].y += 5000;
+        if (step == 13) spheres[5].y -= 5000;
+        Detector fresh({BackendKind::cuda}, gpu_);
+        const Contacts &a = d.detect(input_of(spheres)), &b = fresh.detect(input_of(spheres));
+        ASSERT_GT(a.count, 5'000u);
+        ASSERT_EQ(a.count, b.count) << name << " step " << step;
+        ASSERT_EQ(std::memcmp(a.pairs, b.pairs, a.count * sizeof(Pair)), 0) << name << " step " << step;
+      }
+    }
+}
+
 // So does one that has seen doubles which cannot be searched as floats: a sphere was too far away.
 TEST_F(CudaTest, DoublesThatWereFarAwayBeforeDoNotMatter) {
   for (const char* name : {"dense", "poly100"}) {
@@ -194,6 +215,40 @@ TEST_F(CudaTest, DoublesThatWereFarAwayBeforeDoNotMatter) {
       ASSERT_EQ(a.count, b.count) << name << ", call " << call;
       ASSERT_EQ(std::memcmp(a.pairs, b.pairs, a.count * sizeof(Pair)), 0) << name << ", call " << call;
     }
+  }
+}
+
+// Of doubles in two arrays the radius is fetched once, if it is that of all: not where one of them is the
+// same as a float alone, from the first call on or from a later one.
+TEST_F(CudaTest, DoublesOfOneRadiusMayBecomeOthers) {
+  for (const std::uint64_t n : {3'000, 60'000}) {
+    std::vector<double> centers, radii;
+    for (const FloatSphere& s : generate("dense", n))
+      centers.insert(centers.end(), {s.x + 1e-9, s.y, s.z}), radii.push_back(1 + 0x1p-40);
+    // Spheres 6 and 7 touch by less than a float can tell.
+    for (int k = 0; k < 3; k++) centers[21 + k] = centers[18 + k] = 2;
+    centers[21] += 2 + 0x1p-40;
+    const Input input{.spheres = spheres_of(radii.size(), centers.data(), radii.data())};
+    cpu_.width = gpu_.width;
+    Detector cpu({BackendKind::omp}, cpu_), gpu({BackendKind::cuda}, gpu_);
+    const auto expect_right = [&](const char* when) {
+      const std::uint64_t count = cpu.detect(input).count, hash = cpu.hash();
+      ASSERT_GT(count, n / 2);
+      for (int call = 0; call < 3; call++) {
+        SCOPED_TRACE(std::to_string(n) + " spheres, " + when + ", call " + std::to_string(call));
+        const Contacts& found = gpu.detect(input);
+        ASSERT_EQ(found.count, count);
+        ASSERT_EQ(gpu.hash(), hash);
+        ASSERT_NO_FATAL_FAILURE(expect_records(input, found));
+      }
+    };
+    ASSERT_NO_FATAL_FAILURE(expect_right("one radius"));
+    radii[7] = 1 - 0x1p-38;
+    ASSERT_NO_FATAL_FAILURE(expect_right("one that is another as a double alone"));
+    radii[7] = radii[6];
+    ASSERT_NO_FATAL_FAILURE(expect_right("one radius again"));
+    for (double& r : radii) r = 1 - 0x1p-38;
+    ASSERT_NO_FATAL_FAILURE(expect_right("all another as doubles alone"));
   }
 }
 
