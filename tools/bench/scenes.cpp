@@ -20,7 +20,11 @@ using detect::FloatSphere;
 struct Layout {
   bool wide = false;   // doubles
   bool apart = false;  // centers and radii in two arrays, not x, y, z and radius together
-  std::string name() const { return std::string(wide ? ", double" : "") + (apart ? ", two arrays" : ""); }
+  double origin = 0;   // where the scene lies on each axis
+  std::string name() const {
+    return std::string(wide ? ", double" : "") + (apart ? ", two arrays" : "") +
+           (origin > 0 ? ", at " + number(origin, "%g") : "");
+  }
 };
 
 // The frames of a scene, in the memory of the device if there is one, and the place that detect() reads.
@@ -89,7 +93,7 @@ class Frames {
     detect::SplitMix64 random(k);
     const double step = 0.02 * static_cast<double>(frame) * s.r;
     double v[4] = {s.x, s.y, s.z, s.r};
-    for (int a = 0; a < 3; a++) v[a] += step * random.signed_unit();
+    for (int a = 0; a < 3; a++) v[a] += layout_.origin + step * random.signed_unit();
     const float f[4] = {static_cast<float>(v[0]), static_cast<float>(v[1]), static_cast<float>(v[2]),
                         static_cast<float>(v[3])};
     const std::byte* const from =
@@ -286,7 +290,9 @@ Json scenes(const Settings& s) {
   for (const UnevenScene& scene : uneven_scenes()) {
     rows.push_back({&scene, {}});
     const std::string name = scene.name;
-    if (name == "dense" || name == "poly100" || name == "escaped") rows.push_back({&scene, {.wide = true}});
+    const bool far = name == "dense" || name == "poly100";
+    if (far || name == "escaped" || name == "settled") rows.push_back({&scene, {.wide = true}});
+    if (far) rows.push_back({&scene, {.wide = true, .origin = 1e7}});
     if (name == "dense")
       rows.push_back({&scene, {.apart = true}}), rows.push_back({&scene, {.wide = true, .apart = true}});
   }

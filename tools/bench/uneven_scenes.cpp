@@ -116,6 +116,15 @@ FloatSphere lattice_point(std::uint64_t x, std::uint64_t y, std::uint64_t z, Spl
   const double px = jittered(x), py = jittered(y), pz = jittered(z);
   return at(px, py, pz);
 }
+// A lattice of spheres that touch or miss each other by a 20,000th of their size: float is not sure of them.
+Spheres settled(std::uint64_t n, SplitMix64& random) {
+  const auto side = static_cast<std::uint64_t>(std::ceil(std::cbrt(count_of(n))));
+  const auto place = [&](std::uint64_t v) { return 2 * count_of(v) + 5e-5 * random.signed_unit(); };
+  return all_of(n, [&](std::uint64_t k) {
+    const double x = place(k % side), y = place(k / side % side), z = place(k / side / side);
+    return at(x, y, z);
+  });
+}
 // Layers of touching spheres.
 Spheres layers(std::uint64_t n, std::uint64_t deep, SplitMix64& random) {
   const auto side = static_cast<std::uint64_t>(std::ceil(std::sqrt(count_of(n) / count_of(deep))));
@@ -393,6 +402,7 @@ const std::vector<UnevenScene>& uneven_scenes() {
       {"one_lost", "dense, a single sphere at 4e12", 1.7, one_lost},
       {"clump", "half in a Gaussian clump, half spread 12 times as far", 1.7, clump},
       {"atmosphere", "dense below, exponentially thinner above", 1.7, atmosphere},
+      {"settled", "a lattice of spheres that touch or miss by 5e-5", 1.7, settled},
       {"bed", "16 layers", 1.7, bed},
       {"escaped_bed", "one layer, one in 1,000 thrown up to 10 edges away", 1.7, escaped_bed},
       {"shell", "on the surface of a ball", 1.7, shell},
