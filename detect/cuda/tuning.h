@@ -33,6 +33,11 @@ inline constexpr std::uint32_t kFewSpheres = 1u << 18;
 // Host.
 inline constexpr std::uint64_t kCallsOfGrid = 16;
 
+// Where spheres outgrow the buckets of the call before twice within so many calls, so many calls count what
+// each bucket needs. Row "buckets that spheres outgrow in each call" (part "calls"): to put a million spheres
+// in order twice costs 45 us, to count them 10. Host.
+inline constexpr int kSeldomOutgrown = 5, kCallsCounted = 32;
+
 // Contacts for each sphere that the first list of few spheres has room for. A list that is made longer stops
 // the device: row "a list of few spheres that grows". The room is memory alone, on any chip.
 inline constexpr std::uint32_t kListOfFew = 4;

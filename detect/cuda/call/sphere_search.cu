@@ -131,10 +131,16 @@ Grid SphereSearch::best_grid(const Call& call, const Summary& summary, GridBound
 bool SphereSearch::still_good(const Call& call, const Summary& previous) {
   if (call.options.order == Order::stable) return best_grid(call, summary_, GridBounds::stepped) == grid_;
   const bool good = covers(grid_, summary_);
-  const bool stays = good && covers(grid_, expected_next(previous, summary_));
+  const Summary next = expected_next(previous, summary_);
+  const bool stays = good && covers(grid_, next);
   if (stays && ++calls_ % tuning::kCallsOfGrid != 0) return true;
   const Grid best = best_grid(call, summary_, GridBounds::wide);
   if (!stays || best.buckets * std::uint64_t(2) + 4096 < grid_.buckets) grid_ = best;
+  if (stays) return good;
+  // For some calls more, where spheres fly on, if that takes few bins more.
+  const Summary later = expected_next(next, expected_next(summary_, next));
+  const Grid ahead = best_grid(call, later, GridBounds::wide);
+  if (ahead.buckets <= best.buckets + best.buckets / 2) grid_ = ahead;
   return good;
 }
 
@@ -264,7 +270,7 @@ Ordered SphereSearch::enqueue_order(const Plan& plan, Tools& tools, cudaStream_t
                                                .counters = counters,
                                                .processors = plan.processors,
                                                .stream = stream,
-                                               .keep = plan.with_survey});
+                                               .keep = plan.with_survey && plan.keeps});
   // Beside the search: the host alone asks for what the probes find.
   if (plan.probes())
     tools.probing.fork(
@@ -327,6 +333,7 @@ struct SphereSearch::Steps {
   const Call& call;
   Contacts& contacts;
   bool again;             // a call before had as many spheres
+  bool tries;             // its grid may be tried
   bool surveyed = false;  // by a trial that found the spheres to be others, but all it needed to know
   bool in_order = false;  // the last pass put the spheres in an order that still serves
 
@@ -334,9 +341,12 @@ struct SphereSearch::Steps {
     const Summary previous = s.summary_;
     s.make_plan(source, call, previous);
     s.plan_output(call, true);
+    s.plan_.keeps = s.buckets_.may();
     s.pass(call, Pass::recorded);
+    const bool outgrown = s.found_.flags == kOutgrown;
+    s.buckets_.after(outgrown);
     // The counts of that pass were right, and each bucket gets the room that it needs now.
-    if (s.found_.flags == kOutgrown) s.pass(call, Pass::recorded);
+    if (outgrown) s.pass(call, Pass::recorded);
     const SlotKind kind = s.plan_.kind;
     const SearchOptions searched = s.plan_.search;
     const bool probed = s.plan_.probes(), rounded = s.plan_.rounded;
@@ -377,7 +387,8 @@ struct SphereSearch::Steps {
   bool survey() {
     if (!surveyed) s.survey_as_searched(source, call);
     call.clock.mark(0);
-    s.grid_ = s.best_grid(call, s.summary_, surveyed ? GridBounds::wide : GridBounds::tight);
+    // The spheres move, where the grid of a call before did not fit.
+    s.grid_ = s.best_grid(call, s.summary_, tries ? GridBounds::wide : GridBounds::tight);
     s.make_plan(source, call, s.summary_);
     s.lengthen_to_lend(call);
     s.method_ = OrderMethod::automatic;
@@ -439,8 +450,8 @@ void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& 
   const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
                        plan_.search.margin == call.options.margin && planned_wide_ == source.wide;
   const Counters before = found_;
-  Steps steps{*this, source, call, contacts, planned};
-  speculative_.run(steps, !call.options.timings && planned);
+  Steps steps{*this, source, call, contacts, planned, planned && !call.options.timings};
+  speculative_.run(steps, steps.tries);
   if (call.options.order == Order::stable)
     quota_ =
         quota_for(expected_next(planned ? before : found_, found_), source.count, plan_.grid, plan_.kind);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Path::grid over all spheres, each by itself: bounds, grid, order, search. Only .cu files include this.
 #pragma once
+#include <algorithm>
+
 #include "detect/cuda/call/call.h"
 #include "detect/cuda/call/speculative_call.h"
 
@@ -35,6 +37,7 @@ class SphereSearch {
     int crowding = 0;
     bool rounded = false;  // doubles are searched as floats (kMostRounded)
     bool octaves = false, with_survey = false;
+    bool keeps = true;  // OrderRequest::keep
     int top = 0, processors = 1;
     SizeGroups groups;        // with_survey: probed along, unless there are none
     std::uint64_t moves = 0;  // allocations so far: addresses are those of the plan
@@ -75,6 +78,24 @@ class SphereSearch {
     SearchMemory search;
   };
   struct Steps;  // of SpeculativeCall
+  // May the buckets of the call before be kept? Spheres that outgrow them are put in order twice, which costs
+  // as much as to count some calls' spheres. So where that has happened shortly before, some calls count.
+  class KeptBuckets {
+   public:
+    bool may() const { return counted_ == 0; }
+    void after(bool outgrown) {
+      if (counted_ > 0) {
+        if (--counted_ == 0) since_ = 0;
+        return;
+      }
+      if (outgrown && since_ < tuning::kSeldomOutgrown) counted_ = tuning::kCallsCounted;
+      since_ = outgrown ? 0 : std::min(since_ + 1, tuning::kSeldomOutgrown);
+    }
+
+   private:
+    int counted_ = 0;                      // calls that are still to count
+    int since_ = tuning::kSeldomOutgrown;  // calls since spheres outgrew theirs
+  };
 
   Grid best_grid(const Call& call, const Summary& summary, GridBounds bounds) const;
   bool still_good(const Call& call, const Summary& previous);
@@ -96,6 +117,7 @@ class SphereSearch {
   Plan plan_;
   Recording<Plan> recording_;
   SpeculativeCall speculative_{0};
+  KeptBuckets buckets_;
   Summary summary_;
   bool rounded_ = false;          // summary_ is of doubles rounded to float
   double middle_[3] = {0, 0, 0};  // of DeviceSpheres, for those
