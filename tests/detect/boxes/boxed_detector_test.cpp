@@ -37,39 +37,6 @@ TEST(BoxedDetector, RandomScenesAreAsWithoutBoxes) {
   }
 }
 
-// The halos are wider by half the margin: pairs that do not touch may belong to a box that neither meets.
-TEST(BoxedDetector, AMarginAndWorldsAreAsWithoutBoxes) {
-  const TestScene scene = random_scene(2000, 10, 4, 99);
-  Arranged a(scene, Scalar::f64);
-  std::vector<std::uint32_t> world;
-  for (std::uint32_t k = 0; k < 2000; k++) world.push_back(k % 50 == 0 ? kEveryWorld : k % 3);
-  for (const bool worlds : {false, true})
-    for (const double margin : {0.0, 0.5, 4.0}) {
-      a.input.spheres.world = worlds ? world.data() : nullptr;
-      CallOptions one;
-      one.margin = margin;
-      Detector detector({BackendKind::omp}, one);
-      const std::vector<Pair> wanted = sorted(detector.detect(a.input).pair_span());
-      for (const std::uint32_t n : {2u, 5u, 27u}) {
-        BoxOptions o = on_the_cpu(n, 2);
-        o.detector.margin = margin;
-        BoxedDetector boxed(o);
-        EXPECT_EQ(sorted(boxed.detect(a.input).pair_span()), wanted);
-      }
-    }
-}
-
-TEST(BoxedDetector, FloatSpheresAndBothPathsAreAsWithoutBoxes) {
-  const TestScene scene = random_scene(3000, 10, 0.5, 7).rounded();
-  const Arranged a(scene, Scalar::f32);
-  for (const Path path : {Path::grid, Path::nine_stages}) {
-    BoxOptions o = on_the_cpu(11, 2);
-    o.detector.path = path;
-    BoxedDetector boxed(o);
-    expect_as_one_detector(a.input, boxed);
-  }
-}
-
 TEST(BoxedDetector, ContactsOnFacesEdgesAndCornersBelongToOneBox) {
   // Midpoints on the planes of the cut: spheres of a lattice that touch exactly, and a point at every corner.
   TestScene corners = lattice(6, 1, 0.5);
@@ -173,14 +140,6 @@ TEST(BoxedDetector, NeighboursWithNeighbouringNumbersGoTogether) {
       BoxedDetector boxed(on_the_cpu(11, 2, 3));
       expect_as_one_detector(input, boxed);
     }
-}
-
-TEST(BoxedDetector, TheOwnRegionLimitsTheWholeScene) {
-  const TestScene scene = random_scene(2000, 3, 0.3, 41);
-  const Arranged a(scene, Scalar::f64);
-  BoxedDetector boxed(on_the_cpu(9));
-  boxed.options().own.low[0] = 5, boxed.options().own.high[2] = 20;
-  expect_as_one_detector(a.input, boxed);
 }
 
 TEST(BoxedDetector, BatchesHoldTheListAndRunOneAtATime) {
