@@ -193,22 +193,6 @@ TEST_P(BodiesTest, TouchingAtTheRim) {
   }
 }
 
-TEST_P(BodiesTest, BoxesOwnEachContactOfAGrowingSceneOnce) {
-  CallOptions below = options_, above = options_;
-  below.own.high[1] = above.own.low[1] = 0.1;
-  Detector halves[] = {Detector(device_, below), Detector(device_, above)};
-  for (std::uint32_t n = 20; n < 1500; n *= 4) {
-    const auto few = blob(8, 1, 0.1, 0.3, 3), several_pieces = blob(100, 1, 0.1, 0.3, 3);
-    TestBodies s = strewn({n < 50 ? several_pieces : few}, n, 4 * n, std::cbrt(n), n);
-    std::vector<Pair> all;
-    for (Detector& d : halves) {
-      const Contacts& c = d.detect(s.input());
-      all.insert(all.end(), c.pairs, c.pairs + c.count);
-    }
-    ASSERT_EQ(sorted(all), oracle(s.input())) << n << " bodies";
-  }
-}
-
 // The place where a revision began, or how many balls touched in the calls since, does not decide in which
 // order the list is. Of the rods and the small bodies too many touch where they are crowded: they are counted
 // there, or estimated where there are more elements.
