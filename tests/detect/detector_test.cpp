@@ -45,14 +45,19 @@ class DetectorTest : public testing::TestWithParam<Case> {
     options_.path = GetParam().path, options_.precision = GetParam().precision;
   }
 
+  // One for all scenes of a test: memory is used again.
+  Detector& detector() {
+    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
+    return *detector_;
+  }
+
   // The scene's contacts are those of brute force; in fast precision up to the doubtful ones.
   void expect_right(const TestScene& given, const std::string& what) {
     SCOPED_TRACE(what);
     const TestScene scene = GetParam().input == Scalar::f32 ? given.rounded() : given;
     const Arranged a(scene, GetParam().input);
-    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
-    detector_->options().threads = scene.spheres.size() < 1000 ? 1 : 2;
-    const Contacts& c = detector_->detect(a.input);
+    detector().options().threads = scene.spheres.size() < 1000 ? 1 : 2;
+    const Contacts& c = detector().detect(a.input);
     ASSERT_EQ(c.spheres, scene.spheres.size());
     const std::vector<Pair> found = sorted(c.pair_span()), wanted = brute_force(scene);
     for (const Pair& p : found) ASSERT_LT(p.i, p.j);
@@ -60,7 +65,7 @@ class DetectorTest : public testing::TestWithParam<Case> {
     if (options_.precision == Precision::exact) {
       ASSERT_EQ(found.size(), wanted.size());
       ASSERT_EQ(found, wanted);
-      ASSERT_EQ(detector_->hash(), hash_of(wanted));
+      ASSERT_EQ(detector().hash(), hash_of(wanted));
     } else {
       std::vector<Pair> differ;
       std::set_symmetric_difference(found.begin(), found.end(), wanted.begin(), wanted.end(),
@@ -81,13 +86,12 @@ class DetectorTest : public testing::TestWithParam<Case> {
 
   void expect_error(const TestScene& scene, const std::string& part) {
     const Arranged a(scene, GetParam().input);
-    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
-    EXPECT_TRUE(refuses([&] { detector_->detect(a.input); }, part));
+    EXPECT_TRUE(refuses([&] { detector().detect(a.input); }, part));
   }
 
   DeviceChoice device_;
   CallOptions options_;
-  std::unique_ptr<Detector> detector_;  // one for all scenes of a test: memory is used again
+  std::unique_ptr<Detector> detector_;
 };
 
 TEST_P(DetectorTest, RandomScenes) {
@@ -165,8 +169,7 @@ TEST_P(DetectorTest, PairsByNameInGivenBins) {
           number++;
         }
         s.shift(shift);
-        if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
-        detector_->options().bin_size = bin;
+        detector().options().bin_size = bin;
         expect_right(s, "bin " + std::to_string(bin) + " shift " + std::to_string(shift));
       }
 }
@@ -351,10 +354,10 @@ TEST_P(DetectorTest, OneBallBeyondAll) {
   for (const bool giant : {false, true}) {
     if (giant) many.spheres[7].r = 1e25;
     const Arranged a(many, GetParam().input);
-    detector_->detect(a.input), detector_->options().timings = true;
+    detector().detect(a.input), detector().options().timings = true;
     seconds[giant] = INFINITY;
     for (int k = 0; k < 3; k++)
-      seconds[giant] = std::min(seconds[giant], detector_->detect(a.input).seconds.total);
+      seconds[giant] = std::min(seconds[giant], detector().detect(a.input).seconds.total);
   }
   EXPECT_LT(seconds[1], 10 * seconds[0] + 0.1);
 }
