@@ -26,17 +26,6 @@ void expect_right(const TestScene& scene, const std::string& what,
   }
 }
 
-TEST(BoxedDetector, RandomScenesAreAsWithoutBoxes) {
-  for (int trial = 0; trial < 12; trial++) {
-    const double ratio = trial % 3 == 0 ? 1 : trial % 3 == 1 ? 5 : 100;
-    TestScene scene = random_scene(500 + 100 * static_cast<std::uint32_t>(trial), ratio, trial % 2 ? 0.3 : 1,
-                                   1234 + static_cast<std::uint32_t>(trial));
-    if (trial % 4 == 1) scene.tag(4, 7);
-    if (trial % 4 == 2) scene.shift(1e6);
-    expect_right(scene, "trial " + std::to_string(trial), {1, 2, 5, 16});
-  }
-}
-
 TEST(BoxedDetector, ContactsOnFacesEdgesAndCornersBelongToOneBox) {
   // Midpoints on the planes of the cut: spheres of a lattice that touch exactly, and a point at every corner.
   TestScene corners = lattice(6, 1, 0.5);
@@ -100,22 +89,6 @@ Bodied bodied(std::uint64_t seed) {
   for (const Sphere& p : s.grains.spheres) edge = std::max(edge, p.x);
   s.grains.scale(12 / edge);
   return s;
-}
-
-TEST(BoxedDetector, BodiesAcrossBoxes) {
-  for (const std::uint64_t seed : {1u, 2u, 3u}) {
-    std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
-    const Bodied s = bodied(seed);
-    const Arranged a(s.grains, seed % 2 ? Scalar::f32 : Scalar::f64);
-    for (const std::uint32_t n : {1u, 2u, 8u, 40u}) {
-      SCOPED_TRACE(std::to_string(n) + " boxes");
-      BoxedDetector boxed(on_the_cpu(n, 1 + n % 2, n == 8 ? 3 : 1));
-      for (const Bodies bodies : {Bodies::first, Bodies::expanded}) {
-        boxed.options().bodies = bodies;
-        expect_as_one_detector(s.input(a), boxed);
-      }
-    }
-  }
 }
 
 // A lattice in its own order: whole runs of spheres go to one box. The arrays are together, or apart.
