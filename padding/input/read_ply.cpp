@@ -107,25 +107,13 @@ class Binary : public Body {
  public:
   Binary(std::string_view bytes, bool big)
       : bytes_(bytes), swap_(big == (std::endian::native == std::endian::little)) {}
+  // The types are numbered as in kTypeNames.
   bool read(int type, double& value) override {
-    switch (type) {
-      case 0:
-        return take<std::int8_t>(value);
-      case 1:
-        return take<std::uint8_t>(value);
-      case 2:
-        return take<std::int16_t>(value);
-      case 3:
-        return take<std::uint16_t>(value);
-      case 4:
-        return take<std::int32_t>(value);
-      case 5:
-        return take<std::uint32_t>(value);
-      case 6:
-        return take<float>(value);
-      default:
-        return take<double>(value);
-    }
+    static constexpr bool (Binary::*kTakes[])(double&) = {
+        &Binary::take<std::int8_t>,   &Binary::take<std::uint8_t>, &Binary::take<std::int16_t>,
+        &Binary::take<std::uint16_t>, &Binary::take<std::int32_t>, &Binary::take<std::uint32_t>,
+        &Binary::take<float>,         &Binary::take<double>};
+    return (this->*kTakes[type])(value);
   }
   std::size_t left() const override { return bytes_.size(); }
 

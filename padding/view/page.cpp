@@ -98,20 +98,7 @@ class Elements {
   Write write_;
 };
 
-Json accuracy_json(const Accuracy& a) {
-  return {{"protrusion_max", a.protrusion_max},
-          {"protrusion_mean", a.protrusion_mean},
-          {"protrusion_p95", a.protrusion_p95},
-          {"gap_max", a.gap_max},
-          {"gap_mean", a.gap_mean},
-          {"gap_p95", a.gap_p95},
-          {"coverage", a.coverage},
-          {"normal_error_mean_deg", a.normal_error_mean_deg},
-          {"normal_error_p95_deg", a.normal_error_p95_deg},
-          {"volume_ratio", a.volume_ratio},
-          {"proved_against", name_of(a.proved_against)},
-          {"certified", a.certified}};
-}
+Json accuracy_json(const Accuracy& a) { return Json::parse(to_json(a)); }
 
 bool all_alike(const std::vector<std::uint32_t>& values) {
   return std::all_of(values.begin(), values.end(), [&](std::uint32_t v) { return v == values[0]; });

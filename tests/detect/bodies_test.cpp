@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: MIT
 // Bodies first, and what stands still: against brute force over every placed sphere, the nine stages and the
-// path that expands every body.
+// path that expands every body. Calls of all kinds one after another, with their records, families and
+// faults, are those of model/detector_model_test.cpp.
 #include "detect/core/bodies/pieces.h"
 
-#include <cstring>
-#include <map>
 #include <random>
 #include <set>
 
@@ -109,16 +108,6 @@ TEST_P(BodiesTest, NestedAndCoinciding) {
   expect_right(s, "in one pose");
 }
 
-TEST_P(BodiesTest, FamiliesAndMasks) {
-  TestBodies s = strewn({blob(30, 1, 0.1, 0.4, 1)}, 24, 200, 2, 4);
-  for (std::size_t b = 0; b < s.bodies.size(); b++)
-    s.bodies[b].family = b % 6 == 5 ? 40 : b % 6, s.bodies[b].mask = b % 4 == 0 ? 0b1010 : 0;
-  for (std::size_t k = 0; k < 200; k++) s.family.push_back(k % 7), s.mask.push_back(k % 3 ? 0 : 0b10100);
-  expect_right(s, "families and masks of bodies and of loose spheres");
-  s.mask.clear();
-  expect_right(s, "no masks of loose spheres");
-}
-
 // A ground of thousands of spheres under small things, and a pebble of 1e-6 of its size.
 TEST_P(BodiesTest, HugeBesideTiny) {
   std::vector<Sphere> ground;
@@ -204,75 +193,9 @@ TEST_P(BodiesTest, TouchingAtTheRim) {
   }
 }
 
-TEST_P(BodiesTest, RecordsAreThoseOfTheSpheres) {
-  TestBodies s = strewn({blob(100, 1, 0.1, 0.3, 3)}, 20, 50, 1.5, 11);
-  for (const Scalar scalar : {Scalar::f32, Scalar::f64})
-    for (const Order order : {Order::stable, Order::any}) {
-      CallOptions o = options_, e = options_;
-      o.width = e.width = Width::points, o.scalar = scalar, e.scalar = Scalar::f64, o.order = order;
-      e.bodies = Bodies::expanded;
-      Detector first(device_, o), expanded(device_, e);
-      const Contacts &a = first.detect(s.input()), &b = expanded.detect(s.input());
-      ASSERT_GT(a.count, 100u);
-      ASSERT_EQ(a.count, b.count);
-      std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint64_t> at;
-      for (std::uint64_t k = 0; k < b.count; k++) at[{b.pairs[k].i, b.pairs[k].j}] = k;
-      const double tolerance = scalar == Scalar::f32 ? 1e-6 : 1e-14;
-      for (std::uint64_t k = 0; k < a.count; k++) {
-        const std::uint64_t q = at.at({a.pairs[k].i, a.pairs[k].j});
-        const Normal<double>& n = b.normal_span<double>()[q];
-        const Points<double>& p = b.point_span<double>()[q];
-        const auto check = [&](const auto& normals, const auto& points) {
-          ASSERT_NEAR(normals[k].x, n.x, tolerance);
-          ASSERT_NEAR(normals[k].depth, n.depth, tolerance);
-          ASSERT_NEAR(points[k].on_i[1], p.on_i[1], tolerance * 4);
-          ASSERT_NEAR(points[k].on_j[2], p.on_j[2], tolerance * 4);
-        };
-        if (scalar == Scalar::f32)
-          check(a.normal_span<float>(), a.point_span<float>());
-        else
-          check(a.normal_span<double>(), a.point_span<double>());
-      }
-    }
-}
-
-TEST_P(BodiesTest, BoxesOwnEachContactOfAGrowingSceneOnce) {
-  CallOptions below = options_, above = options_;
-  below.own.high[1] = above.own.low[1] = 0.1;
-  Detector halves[] = {Detector(device_, below), Detector(device_, above)};
-  for (std::uint32_t n = 20; n < 1500; n *= 4) {
-    const auto few = blob(8, 1, 0.1, 0.3, 3), several_pieces = blob(100, 1, 0.1, 0.3, 3);
-    TestBodies s = strewn({n < 50 ? several_pieces : few}, n, 4 * n, std::cbrt(n), n);
-    std::vector<Pair> all;
-    for (Detector& d : halves) {
-      const Contacts& c = d.detect(s.input());
-      all.insert(all.end(), c.pairs, c.pairs + c.count);
-    }
-    ASSERT_EQ(sorted(all), oracle(s.input())) << n << " bodies";
-  }
-}
-
-// A known revision does not decide which way `automatic` goes, nor so in which order the list is.
-TEST_P(BodiesTest, TheListDoesNotDependOnTheCallBefore) {
-  TestBodies s = strewn({blob(3, 1, 0.2, 0.6, 1)}, 60, 100, 3, 14);  // too small for balls to be worth it
-  Input input = s.input();
-  input.revision = 1;
-  Detector d(device_, options_);
-  ASSERT_GT(d.detect(input).count, 20u);
-  d.options().bodies = Bodies::automatic;
-  CallOptions automatic = options_;
-  automatic.bodies = Bodies::automatic;
-  Detector fresh(device_, automatic);
-  for (int again = 0; again < 2; again++) {
-    const Contacts &a = d.detect(input), &b = fresh.detect(input);
-    ASSERT_EQ(a.count, b.count);
-    EXPECT_TRUE(std::equal(a.pairs, a.pairs + a.count, b.pairs));
-  }
-}
-
-// Nor does the place where the revision began, or how many balls touched in the calls since. Of the rods and
-// the small bodies too many touch where they are crowded: they are counted there, or estimated where there
-// are more elements.
+// The place where a revision began, or how many balls touched in the calls since, does not decide in which
+// order the list is. Of the rods and the small bodies too many touch where they are crowded: they are counted
+// there, or estimated where there are more elements.
 TEST_P(BodiesTest, TheListDoesNotDependOnThePosesOfOtherCalls) {
   std::vector<Sphere> rod;
   for (int k = 0; k < 100; k++) rod.push_back({k - 50.0, 0, 0, 0.6});
@@ -298,36 +221,6 @@ TEST_P(BodiesTest, TheListDoesNotDependOnThePosesOfOtherCalls) {
       }
     }
   }
-}
-
-// What is wrong is named as the other path names it, and the detector stays usable.
-TEST_P(BodiesTest, FaultsAreNamed) {
-  TestBodies good = strewn({blob(100, 1, 0.1, 0.3, 3)}, 12, 50, 1.5, 13);
-  Detector d(device_, options_);
-  const auto expect = [&](TestBodies s, const std::string& part) {
-    EXPECT_TRUE(refuses([&] { d.detect(s.input()); }, part));
-    TestBodies again = good;
-    EXPECT_EQ(d.detect(again.input()).count, oracle(good.input()).size());
-  };
-  TestBodies s = good;
-  s.bodies[5].position[1] = NAN;
-  expect(s, "sphere 500 (number 0 of body 5)");
-  s = good, s.bodies[6].rotation[3] = INFINITY;
-  expect(s, "of body 6)");
-  s = good, s.assets[0][9].r = -1;
-  expect(s, "number 9 of body 0");
-  s = good, s.assets[0][9].x = NAN;
-  expect(s, "number 9 of body 0");
-  s = good, s.loose[7].x = NAN;
-  expect(s, "sphere 1207");
-  s = good, s.loose[7].r = -2;
-  expect(s, "negative radius");
-  s = good, s.bodies[4].position[0] = 1e101;
-  expect(s, "beyond 1e100");
-  s = good, s.bodies[4].position[0] = 1e60;
-  expect(s, "do not fit a float record");
-  s = good, s.bodies[4].shape = 3;
-  expect(s, "names shape 3");
 }
 
 // Every body meets every other one: the list of bodies that meet is longer than anyone would guess.
@@ -375,21 +268,6 @@ TEST_P(BodiesTest, ShortageOfPairsIsNotCalledOneOfContacts) {
 
 // ---- what stands still
 
-TEST_P(BodiesTest, StaticOnesMeetOnlyWhatMoves) {
-  std::uint32_t seed = 100;
-  const auto piece = blob(64, 1, 0.1, 0.3, 3), many = blob(300, 2, 0.05, 0.2, 5),
-             dust = blob(9, 0.1, 0.001, 0.05, 6);
-  for (const double size : {1.0, 4.0, 40.0})
-    for (const int one_in : {1, 2, 5}) {
-      TestBodies s = strewn({piece, many, dust}, 21, 200, size, ++seed);
-      for (std::size_t b = 0; b < s.bodies.size(); b++) s.bodies[b].is_static = b % one_in == 0;
-      for (std::size_t k = 0; k < 200; k++) s.is_static.push_back(k % 3 == 1);
-      s.loose[4].r = s.loose[5].r = size;  // large ones, one of them static
-      expect_right(s, "size " + std::to_string(size) + " one in " + std::to_string(one_in));
-      if (HasFatalFailure()) return;
-    }
-}
-
 // Few and far: the table of the static ones is hashed, or has bins without end.
 TEST_P(BodiesTest, StaticOnesStrewnThinly) {
   TestBodies s = strewn({blob(5, 1, 0.1, 0.3, 3)}, 300, 300, 3e4, 14);
@@ -403,44 +281,6 @@ TEST_P(BodiesTest, StaticOnesStrewnThinly) {
   expect_right(s, "one that covers it all");
   s.loose[1].r = 1e5;
   expect_right(s, "a static one that covers it all");
-}
-
-TEST_P(BodiesTest, OnlyWhatMovedIsReadAgain) {
-  TestBodies s = strewn({blob(20, 1, 0.1, 0.5, 3)}, 60, 100, 4, 15);
-  for (std::size_t b = 10; b < 60; b++) s.bodies[b].is_static = true;
-  for (std::size_t k = 0; k < 100; k++) s.is_static.push_back(k > 20);
-  Detector d(device_, options_);
-  std::mt19937_64 random(4);
-  std::uniform_real_distribution<double> at(-5, 5);
-  std::uint64_t revision = 7;
-  for (int step = 0; step < 12; step++) {
-    std::vector<std::uint32_t> moved{static_cast<std::uint32_t>(step % 10), 3};
-    for (const std::uint32_t b : moved)
-      for (double& p : s.bodies[b].position) p = at(random);
-    if (step == 8) s.bodies[40].position[0] = at(random), revision++;
-    s.loose[static_cast<std::size_t>(step % 20)].x = at(random);
-    Input in = s.input();
-    in.revision = revision, in.moved = moved;
-    const Contacts& c = d.detect(in);
-    ASSERT_EQ(sorted(c.pair_span()), oracle(s.input())) << "step " << step;
-    Detector fresh(device_, options_);
-    const Contacts& f = fresh.detect(s.input());
-    ASSERT_EQ(c.count, f.count);
-    ASSERT_EQ(std::memcmp(c.pairs, f.pairs, f.count * sizeof(Pair)), 0) << "the order depends on the past";
-    if (step == 5) {  // a call that goes another way is not forgotten
-      s.bodies[1].position[2] = 0;
-      Input other = s.input();
-      const std::uint32_t one[] = {1};
-      other.revision = revision, other.moved = one;
-      d.options().path = Path::nine_stages;
-      EXPECT_EQ(sorted(d.detect(other).pair_span()), oracle(s.input()));
-      d.options().path = Path::grid;
-    }
-  }
-  const std::uint32_t none[] = {60};
-  Input in = s.input();
-  in.moved = none;
-  EXPECT_THROW(d.detect(in), Error);
 }
 
 // The level of the large ones, which the few small ones search, is hashed, and has so few bins along each
@@ -462,34 +302,6 @@ TEST_P(BodiesTest, LooseOnesLeaveTheirLevelUnderOneRevision) {
     in.revision = 7;
     ASSERT_EQ(sorted(d.detect(in).pair_span()), oracle(s.input())) << "from " << from;
   }
-}
-
-TEST_P(BodiesTest, PosesApartFromBodies) {
-  TestBodies s = strewn({blob(64, 1, 0.1, 0.3, 3)}, 30, 40, 3, 16);
-  for (std::size_t b = 20; b < 30; b++) s.bodies[b].is_static = true;
-  for (const Bodies way : {Bodies::first, Bodies::expanded}) {
-    options_.bodies = way;
-    Detector d(device_, options_);
-    std::mt19937_64 random(5);
-    for (int step = 0; step < 4; step++) {
-      std::vector<Pose> poses(30);
-      TestBodies moved = s;
-      for (std::size_t b = 0; b < 30; b++) {
-        if (b < 20)
-          moved.bodies[b] = body_at(0, s.bodies[b].position[0], s.bodies[b].position[1], 0.1 * step, random);
-        poses[b] = pose_of(moved.bodies[b]);
-      }
-      Input in = s.input();
-      in.poses = poses.data(), in.revision = step < 2 ? 0 : 5;
-      ASSERT_EQ(sorted(d.detect(in).pair_span()), oracle(moved.input())) << "step " << step;
-    }
-  }
-}
-
-TEST_P(BodiesTest, LoosePartsStandStillWithoutBodies) {
-  TestBodies s = strewn({}, 0, 600, 4, 17);
-  for (std::size_t k = 0; k < 600; k++) s.is_static.push_back(k % 4 != 0);
-  expect_right(s, "loose spheres only");
 }
 
 ON_EVERY_BACKEND(BodiesTest);

@@ -7,7 +7,6 @@
 #include <random>
 
 #include "detect/core/nine_stages.h"
-#include "detect/scene/generate.h"
 #include "tests/detect/oracle.h"
 #include "tests/detect/some_cases.h"
 #include "tests/error_of.h"
@@ -46,14 +45,19 @@ class DetectorTest : public testing::TestWithParam<Case> {
     options_.path = GetParam().path, options_.precision = GetParam().precision;
   }
 
+  // One for all scenes of a test: memory is used again.
+  Detector& detector() {
+    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
+    return *detector_;
+  }
+
   // The scene's contacts are those of brute force; in fast precision up to the doubtful ones.
   void expect_right(const TestScene& given, const std::string& what) {
     SCOPED_TRACE(what);
     const TestScene scene = GetParam().input == Scalar::f32 ? given.rounded() : given;
     const Arranged a(scene, GetParam().input);
-    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
-    detector_->options().threads = scene.spheres.size() < 1000 ? 1 : 2;
-    const Contacts& c = detector_->detect(a.input);
+    detector().options().threads = scene.spheres.size() < 1000 ? 1 : 2;
+    const Contacts& c = detector().detect(a.input);
     ASSERT_EQ(c.spheres, scene.spheres.size());
     const std::vector<Pair> found = sorted(c.pair_span()), wanted = brute_force(scene);
     for (const Pair& p : found) ASSERT_LT(p.i, p.j);
@@ -61,7 +65,7 @@ class DetectorTest : public testing::TestWithParam<Case> {
     if (options_.precision == Precision::exact) {
       ASSERT_EQ(found.size(), wanted.size());
       ASSERT_EQ(found, wanted);
-      ASSERT_EQ(detector_->hash(), hash_of(wanted));
+      ASSERT_EQ(detector().hash(), hash_of(wanted));
     } else {
       std::vector<Pair> differ;
       std::set_symmetric_difference(found.begin(), found.end(), wanted.begin(), wanted.end(),
@@ -82,13 +86,12 @@ class DetectorTest : public testing::TestWithParam<Case> {
 
   void expect_error(const TestScene& scene, const std::string& part) {
     const Arranged a(scene, GetParam().input);
-    if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
-    EXPECT_TRUE(refuses([&] { detector_->detect(a.input); }, part));
+    EXPECT_TRUE(refuses([&] { detector().detect(a.input); }, part));
   }
 
   DeviceChoice device_;
   CallOptions options_;
-  std::unique_ptr<Detector> detector_;  // one for all scenes of a test: memory is used again
+  std::unique_ptr<Detector> detector_;
 };
 
 TEST_P(DetectorTest, RandomScenes) {
@@ -166,8 +169,7 @@ TEST_P(DetectorTest, PairsByNameInGivenBins) {
           number++;
         }
         s.shift(shift);
-        if (!detector_) detector_ = std::make_unique<Detector>(device_, options_);
-        detector_->options().bin_size = bin;
+        detector().options().bin_size = bin;
         expect_right(s, "bin " + std::to_string(bin) + " shift " + std::to_string(shift));
       }
 }
@@ -352,10 +354,10 @@ TEST_P(DetectorTest, OneBallBeyondAll) {
   for (const bool giant : {false, true}) {
     if (giant) many.spheres[7].r = 1e25;
     const Arranged a(many, GetParam().input);
-    detector_->detect(a.input), detector_->options().timings = true;
+    detector().detect(a.input), detector().options().timings = true;
     seconds[giant] = INFINITY;
     for (int k = 0; k < 3; k++)
-      seconds[giant] = std::min(seconds[giant], detector_->detect(a.input).seconds.total);
+      seconds[giant] = std::min(seconds[giant], detector().detect(a.input).seconds.total);
   }
   EXPECT_LT(seconds[1], 10 * seconds[0] + 0.1);
 }
@@ -451,22 +453,6 @@ TEST_P(DetectorTest, SizesWithoutEnd) {
   expect_right(s, "1e-230 to 1e90");
 }
 
-TEST_P(DetectorTest, FamiliesAndMasks) {
-  TestScene s = random_scene(1500, 2, 0.1, 17);
-  std::mt19937_64 random(18);
-  const std::uint32_t families[] = {0, 0, 1, 2, 5, 31, 32, 33, 34, 0xffffffffu};
-  const std::uint32_t masks[] = {0, 0, 0, 1, 2, 16, 1u << 30, 1u << 31, 0xffffffffu};
-  for (std::size_t k = 0; k < s.spheres.size(); k++)
-    s.family.push_back(families[random() % std::size(families)]),
-        s.mask.push_back(masks[random() % std::size(masks)]);
-  expect_right(s, "both");
-  std::vector<std::uint32_t> none;
-  s.mask.swap(none);
-  expect_right(s, "families only");
-  s.mask.swap(none), s.family.clear();
-  expect_right(s, "masks only");
-}
-
 TEST_P(DetectorTest, BadInputIsNamed) {
   TestScene s = random_scene(100, 1, 1, 1);
   const auto with = [&](std::size_t k, Sphere bad) {
@@ -498,32 +484,6 @@ TEST_P(DetectorTest, TheListIsFixed) {
       EXPECT_EQ(list, first);
     }
   }
-}
-
-TEST_P(DetectorTest, WidthsAndScalarsOfTheRecord) {
-  const TestScene s = random_scene(500, 3, 0.3, 29).rounded();
-  const Arranged a(s, GetParam().input);
-  for (const Width width : {Width::pairs, Width::normals, Width::points})
-    for (const Scalar scalar : {Scalar::f32, Scalar::f64}) {
-      options_.width = width, options_.scalar = scalar;
-      Detector d(device_, options_);
-      const Contacts& c = d.detect(a.input);
-      ASSERT_GT(c.count, 100u);
-      EXPECT_EQ(c.normals != nullptr, width != Width::pairs);
-      EXPECT_EQ(c.points != nullptr, width == Width::points);
-      if (scalar == Scalar::f32 || width != Width::points) continue;
-      const double tolerance = options_.precision == Precision::exact ? 1e-13 : 1e-5;
-      for (std::uint64_t k = 0; k < c.count; k++) {
-        const Sphere &i = s.spheres[c.pairs[k].i], &j = s.spheres[c.pairs[k].j];
-        const Normal<double>& n = c.normal_span<double>()[k];
-        const Points<double>& p = c.point_span<double>()[k];
-        const double d2 = std::hypot(j.x - i.x, j.y - i.y, j.z - i.z);
-        EXPECT_NEAR(n.depth, i.r + j.r - d2, tolerance);
-        EXPECT_NEAR(std::hypot(n.x, n.y, n.z), 1, tolerance);
-        EXPECT_NEAR(std::hypot(p.on_i[0] - i.x, p.on_i[1] - i.y, p.on_i[2] - i.z), i.r, tolerance * 10);
-        EXPECT_NEAR(p.on_j[0], j.x - j.r * n.x, tolerance * 100);
-      }
-    }
 }
 
 // Faces lie where a sphere begins or ends, where its centre is, or through the midpoint of a contact, and a
@@ -625,32 +585,6 @@ TEST_P(DetectorTest, MemoryStaysBelowItsLimit) {
     fresh.detect(a.input);
     EXPECT_LE(d.memory(), 2 * fresh.memory()) << "held before: " << held;
   }
-}
-
-// Bodies give what their spheres would give, placed one by one.
-TEST_P(DetectorTest, BodiesAreTheirSpheres) {
-  BodyScene scene = generate_bodies(30);
-  const Shape shapes[] = {{scene.shape.data(), scene.shape.size()}, {scene.shape.data(), 5}, {nullptr, 0}};
-  for (std::size_t k = 0; k < scene.bodies.size(); k++)
-    scene.bodies[k].shape = k % 7 == 0 ? 1 : k % 11 == 0 ? 2 : 0;
-  scene.bodies[3].family = 4, scene.bodies[4].mask = 8;
-  TestScene loose = random_scene(300, 2, 0.5, 41).rounded();
-  for (std::size_t k = 0; k < loose.spheres.size(); k++)
-    loose.family.push_back(k % 3 ? 0 : 4), loose.mask.push_back(0);
-
-  Arranged a(loose, GetParam().input);
-  a.input.shapes = shapes, a.input.bodies = scene.bodies;
-  Detector d(device_, options_);
-  const Contacts& c = d.detect(a.input);
-  EXPECT_EQ(c.spheres, seen(a.input).size());
-  EXPECT_GT(c.count, 100u);
-  if (options_.precision == Precision::exact) {
-    EXPECT_EQ(sorted(c.pair_span()), oracle(a.input));
-  }
-  scene.bodies[5].position[1] = NAN;
-  EXPECT_THROW(d.detect(a.input), Error);
-  scene.bodies[5].shape = 9;
-  EXPECT_THROW(d.detect(a.input), Error);
 }
 
 // ---- what is refused, by every entry, and what is left after it

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-// Contacts::history beside a map from the pairs of the list before to their indices, on every backend.
+// Contacts::history beside a map from the pairs of the list before to their indices, on every backend: long
+// lists, and what the model test (model/detector_model_test.cpp) has no scenes for.
 #include <map>
 #include <numbers>
 
 #include "detect/core/nine_stages.h"
-#include "tests/detect/device_memory.h"
 #include "tests/detect/oracle.h"
 #include "tests/detect/some_cases.h"
 
@@ -23,53 +23,25 @@ class HistoryTest : public BackendTest {
   }
 
   double unit() { return detect::unit(random_); }
-  std::uint32_t below(std::uint32_t n) { return static_cast<std::uint32_t>(random_() % n); }
 
   // Detects, and compares the history with what the list of the call before says.
   void expect_right(const Input& input) {
     const Contacts& c = detector_->detect(input);
-    const std::vector<Pair> pairs = on_host(c.pair_span(), c.memory);
-    if (detector_->options().history) {
-      const std::vector<std::uint32_t> history = on_host(c.history_span(), c.memory);
-      ASSERT_EQ(history.size(), c.count);
-      known_ = 0;
-      for (std::uint64_t k = 0; k < c.count; k++) {
-        const auto found = before_.find({pairs[k].i, pairs[k].j});
-        ASSERT_EQ(history[k], found == before_.end() ? kNoContact : found->second) << pairs[k];
-        known_ += found != before_.end();
-      }
-    } else {
-      ASSERT_EQ(c.history, nullptr);
+    const auto history = c.history_span();
+    ASSERT_EQ(history.size(), c.count);
+    Index index;
+    known_ = 0;
+    for (std::uint32_t k = 0; k < c.count; k++) {
+      const Pair p = c.pairs[k];
+      const auto found = before_.find({p.i, p.j});
+      ASSERT_EQ(history[k], found == before_.end() ? kNoContact : found->second) << p;
+      known_ += found != before_.end(), index[{p.i, p.j}] = k;
     }
-    before_.clear();
-    for (std::uint64_t k = 0; k < c.count; k++)
-      before_[{pairs[k].i, pairs[k].j}] = static_cast<std::uint32_t>(k);
+    before_.swap(index);
   }
 
   void expect_right(const TestScene& scene, Scalar scalar = Scalar::f32) {
     expect_right(Arranged(scene, scalar).input);
-  }
-
-  template <class T>
-  static std::vector<T> on_host(std::span<const T> from, Memory memory) {
-    std::vector<T> all(from.begin(), memory == Memory::host ? from.end() : from.begin());
-    all.resize(from.size());
-    if (memory == Memory::device && !from.empty())
-      copy_from_device(all.data(), from.data(), from.size_bytes());
-    return all;
-  }
-
-  // Other options of the kinds that change the list's order, length or records.
-  void draw_options() {
-    CallOptions& o = detector_->options();
-    o.order = below(2) ? Order::stable : Order::any;
-    o.path = below(4) ? Path::grid : Path::nine_stages;
-    o.width = std::array{Width::pairs, Width::normals, Width::points}[below(3)];
-    o.threads = static_cast<int>(1 + below(3));
-    o.margin = below(4) ? 0 : 0.2 * unit();
-    o.bodies = std::array{Bodies::automatic, Bodies::first, Bodies::expanded}[below(3)];
-    o.history = below(8) != 0;
-    o.output = GetParam() == BackendKind::cuda && below(2) ? Memory::device : Memory::host;
   }
 
   std::mt19937_64 random_ = random_of_new_seed();
@@ -78,52 +50,6 @@ class HistoryTest : public BackendTest {
   Index before_;
   std::uint64_t known_ = 0;  // contacts of the last call that the list before has
 };
-
-TEST_P(HistoryTest, FollowsLooseSpheresThatMoveComeAndGo) {
-  TestScene scene = random_scene(3000, 3, 0.6, seed_);
-  std::uint64_t known = 0, all = 0;
-  for (int step = 0; step < 60; step++) {
-    for (Sphere& s : scene.spheres)
-      s.x += 0.1 * (unit() - 0.5), s.y += 0.1 * (unit() - 0.5), s.z += 0.1 * (unit() - 0.5);
-    if (below(5) == 0) scene.spheres.resize(scene.spheres.size() - below(500));
-    if (below(5) == 0)
-      for (const Sphere& s : random_scene(500, 3, 3.6, seed_ + static_cast<std::uint32_t>(step)).spheres)
-        scene.spheres.push_back(s);
-    if (below(10) == 0) std::shuffle(scene.spheres.begin(), scene.spheres.end(), random_);  // other numbers
-    draw_options();
-    SCOPED_TRACE("step " + std::to_string(step));
-    expect_right(scene, below(2) ? Scalar::f32 : Scalar::f64);
-    if (HasFatalFailure()) return;
-    known += known_, all += before_.size();
-  }
-  EXPECT_GT(known, all / 2);  // the test has met both kinds of contact
-  EXPECT_LT(known, all);
-}
-
-TEST_P(HistoryTest, FollowsBodiesAndLooseSpheresTogether) {
-  BodyScene scene = generate_bodies(60);
-  const Shape shape{scene.shape.data(), scene.shape.size()};
-  const TestScene grains = random_scene(2000, 2, 1.5, seed_);
-  for (int step = 0; step < 30; step++) {
-    for (Body& b : scene.bodies) {
-      const double turn = 0.1 * (unit() - 0.5);
-      rotation_of(1, turn, -turn, 2 * turn, b.rotation);
-      for (double& x : b.position) x += 0.2 * (unit() - 0.5);
-    }
-    if (step % 10 == 9) scene.bodies.resize(scene.bodies.size() - 5);
-    draw_options();
-    const Arranged a(grains, Scalar::f64);
-    Input input = a.input;
-    input.shapes = {&shape, 1}, input.bodies = scene.bodies;
-    if (step > 15) input.revision = scene.bodies.size();
-    std::vector<std::uint32_t> moved(scene.bodies.size());
-    for (std::uint32_t k = 0; k < moved.size(); k++) moved[k] = k;
-    input.moved = moved;
-    SCOPED_TRACE("step " + std::to_string(step));
-    expect_right(input);
-    if (HasFatalFailure()) return;
-  }
-}
 
 TEST_P(HistoryTest, IsAllThereForTheSameSceneAndEmptyAfterACallWithoutContacts) {
   const TestScene scene = random_scene(1000, 1, 0.6, seed_);

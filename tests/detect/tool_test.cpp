@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/cluster.h"
+#include "tests/of_schema.h"
 #include "tests/program_test.h"
 
 namespace padder {
@@ -252,21 +253,12 @@ TEST_F(DetectTool, AFullDiskIsASentence) {
 }
 
 TEST_F(DetectTool, SchemaHoldsForScenesThatAreRead) {
-  if (std::system("python3 -c 'import jsonschema' 2>/dev/null") != 0)
-    GTEST_SKIP() << "python3-jsonschema is not installed";
-  const auto valid = [&](const std::string& file) {
-    return std::system(("cd " + folder_.string() +
-                        " && python3 -c 'import json, jsonschema, sys; "
-                        "jsonschema.validate(json.load(open(sys.argv[1])), "
-                        "json.load(open(sys.argv[2])))' " +
-                        file + " " PADDER_ASSETS "/scene.schema.json 2>/dev/null")
-                           .c_str()) == 0;
-  };
-  EXPECT_TRUE(valid("dense.json"));
-  EXPECT_TRUE(valid("small.json"));
+  if (!schemas_are_checked()) GTEST_SKIP() << "python3-jsonschema is not installed";
+  EXPECT_TRUE(of_schema(folder_ / "dense.json", "scene.schema.json"));
+  EXPECT_TRUE(of_schema(folder_ / "small.json", "scene.schema.json"));
   write_file(folder_ / "wrong.json",
              R"({"format": "padder.scene", "version": 1, "bodies": [{"cluster": "a", "position": [0, 0]}]})");
-  EXPECT_FALSE(valid("wrong.json"));
+  EXPECT_FALSE(of_schema(folder_ / "wrong.json", "scene.schema.json"));
 }
 
 }  // namespace

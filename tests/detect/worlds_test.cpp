@@ -273,26 +273,6 @@ TEST_P(Worlds, AMarginOfEqualAndUnequalSpheresNearAndFar) {
       }
 }
 
-// What a call keeps of loose spheres does not outlive them: they move, become more or fewer, get families, or
-// some stand still.
-TEST_P(Worlds, LooseSpheresWithAMarginFromCallToCall) {
-  std::mt19937_64 random(8);
-  CallOptions o;
-  Detector detector(device_, o);
-  for (std::uint32_t step = 0; step < 24; step++) {
-    SCOPED_TRACE("step " + std::to_string(step));
-    TestBodies w = random_worlds(50 + step / 8, 1, 0, step % 8 < 5 ? 500 : 50 * step);
-    for (Sphere& s : w.loose) s.x += 0.1 * step;
-    w.world.clear();
-    Input in = w.input();
-    if (step % 4 != 3) in.spheres.is_static = nullptr;
-    if (step % 3 == 0) in.spheres.family = nullptr, in.spheres.mask = nullptr;
-    detector.options().margin = step % 5 == 4 ? 0 : 0.02 * (step / 3);
-    detector.options().order = step % 2 ? Order::any : Order::stable;
-    EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(in, detector.options()));
-  }
-}
-
 // Bodies of one world: searched first, expanded, in a revision in which the margin changes, and moved.
 TEST_P(Worlds, AMarginHoldsHoweverBodiesAreSearched) {
   for (const Bodies bodies : {Bodies::first, Bodies::expanded, Bodies::automatic})
@@ -351,44 +331,6 @@ TEST_P(Worlds, TheListIsTheSameForAnyNumberOfThreadsAndAgain) {
       EXPECT_TRUE(std::equal(first.begin(), first.end(), c.pair_span().begin(), c.pair_span().end()));
       EXPECT_EQ(d, depth);
     }
-  }
-}
-
-TEST_P(Worlds, ARevisionMovesBodiesAndWorldsStayApart) {
-  TestBodies w = random_worlds(11, 5, 30, 100);
-  CallOptions o{.margin = 0.05};
-  Detector detector(device_, o);
-  Input in = w.input();
-  in.revision = 1;
-  EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o));
-  std::mt19937_64 random(5);
-  for (int step = 0; step < 5; step++) {
-    std::vector<std::uint32_t> moved;
-    for (std::uint32_t k = 0; k < 30; k += 1 + static_cast<std::uint32_t>(random() % 4)) {
-      if (w.bodies[k].is_static) continue;
-      moved.push_back(k), turn(random, w.bodies[k]);
-      w.bodies[k].position[0] += 0.3;
-    }
-    in = w.input(), in.revision = 1, in.moved = moved;
-    EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), o)) << step;
-    expect_answers(detector, w.input(), 5);
-  }
-}
-
-// Each path keeps what it knows of a revision. A body that moved in a call of another path must not be
-// missed.
-TEST_P(Worlds, CallsWithAndWithoutAMarginTakeTurnsInOneRevision) {
-  TestBodies w = random_worlds(31, 1, 30, 0);
-  for (Body& b : w.bodies) b.world = 0, b.is_static = false;
-  Detector detector(device_, CallOptions{});
-  for (std::uint32_t step = 0; step < 12; step++) {
-    const std::vector<std::uint32_t> moved{step, step + 5};
-    for (const std::uint32_t k : moved) w.bodies[k].position[1] += 0.4;
-    Input in = w.input();
-    in.revision = 1, in.moved = moved;
-    detector.options().margin = step % 3 == 1 ? 0.1 : 0;
-    detector.options().bodies = step % 2 ? Bodies::first : Bodies::expanded;
-    EXPECT_EQ(sorted(detector.detect(in).pair_span()), oracle(w.input(), detector.options())) << step;
   }
 }
 

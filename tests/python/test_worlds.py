@@ -65,8 +65,6 @@ def test_what_was_not_asked_for_and_what_makes_no_sense_is_said():
         answers.distance
     with pytest.raises(ValueError, match="answer must be"):
         padder.worlds(2, "all", centers, radii)
-    with pytest.raises(ValueError, match="margin"):
-        padder.detect(centers, radii, margin=-1)
     body = padder.Bodies([(centers, radii)], np.r_[np.eye(3).ravel(), 0, 0, 0][None], world=[1])
     for outside in ({"centers": centers[:1], "radii": 1, "world": [1]}, {"centers": centers[:1], "radii": 1, "world": 1}, {"bodies": body}):
         with pytest.raises(IndexError, match="is in world 1, but"):

@@ -7,6 +7,7 @@
 
 #include "padding/asset/cluster.h"
 #include "tests/error_of.h"
+#include "tests/of_schema.h"
 #include "tests/padding/shapes.h"
 #include "tests/program_test.h"
 
@@ -70,12 +71,8 @@ class Pad : public ProgramTest {
   std::set<std::string> put_;
 };
 
-// True also where python3-jsonschema is not installed.
-bool of_schema(const fs::path& document) {
-  if (std::system("/usr/bin/python3 -c 'import jsonschema' >/dev/null 2>&1") != 0) return true;
-  const std::string command = "/usr/bin/python3 -W ignore -m jsonschema -i '" + document.string() + "' '" +
-                              (kAssets / "cluster.schema.json").string() + "' >/dev/null 2>&1";
-  return std::system(command.c_str()) == 0;
+bool is_cluster(const fs::path& document) {
+  return !schemas_are_checked() || of_schema(document, "cluster.schema.json");
 }
 
 const std::string kCoarse = " --edge-length 20% ";  // quick
@@ -236,7 +233,7 @@ TEST_F(Pad, AWrapIsSaidToBeOneInEveryFigure) {
   EXPECT_EQ(text.out.find("not certified"), std::string::npos) << text.out;
   EXPECT_EQ(text.err, "");  // our own format says whose mass it is
   EXPECT_EQ(Json::parse(read_file(folder_ / "cross.spheres.json"))["mass_properties"]["of"], "wrap");
-  EXPECT_TRUE(of_schema(folder_ / "cross.spheres.json"));
+  EXPECT_TRUE(is_cluster(folder_ / "cross.spheres.json"));
   EXPECT_EQ(pad("cross.obj --repair wrap --tolerance 4% -q --unit m -o cross.urdf").err, "");
 }
 
@@ -423,7 +420,7 @@ TEST_F(Pad, AToleranceIsKeptAndALadderHoldsItsRungs) {
   EXPECT_LE(c.accuracy.gap_max, 0.04 * std::sqrt(3.0) * (1 + 1e-9));
   EXPECT_LE(c.lods[0].accuracy.gap_max, 0.08 * std::sqrt(3.0) * (1 + 1e-9));
   EXPECT_TRUE(c.accuracy.certified);
-  EXPECT_TRUE(of_schema(folder_ / "a.spheres.json"));
+  EXPECT_TRUE(is_cluster(folder_ / "a.spheres.json"));
 }
 
 TEST_F(Pad, ABatchPrintsAnArrayAndFillsAFolder) {
@@ -531,7 +528,7 @@ TEST_F(Pad, TheAssetsPadAsTheFirstCommandSays) {
   const Json j = report("'" + (kAssets / "track_shoe.obj").string() + "' --depth 0.2");
   expect_report(j);
   EXPECT_EQ(j["repair"], read_cluster(folder_ / "track_shoe.spheres.json").source.repair);
-  EXPECT_TRUE(of_schema(folder_ / "track_shoe.spheres.json"));
+  EXPECT_TRUE(is_cluster(folder_ / "track_shoe.spheres.json"));
 }
 
 // The meshes that tests/data/make_data.py makes.

@@ -31,10 +31,7 @@ struct Row {
 Row row_of(const std::string& mesh, const std::string& method, double setting, const Accuracy& accuracy,
            double diagonal) {
   Row row{mesh, method, setting, 0, 0, 0, accuracy};
-  Accuracy& a = row.accuracy;
-  for (double* length : {&a.protrusion_max, &a.protrusion_mean, &a.protrusion_p95, &a.gap_max, &a.gap_mean,
-                         &a.gap_p95, &a.protrusion_bound, &a.gap_bound, &a.wrap_distance})
-    *length *= 100 / diagonal;
+  row.accuracy.scale(100 / diagonal);
   return row;
 }
 

@@ -59,6 +59,14 @@ const LARGEST = {
   input: 'proved against the input', filled: 'proved; the patches count as surface', wrap: 'proved; what the wrap encloses counts as body',
 };
 
+// A line of a legend: a square of the colour, and the text.
+function swatchRow(colour, text) {
+  const row = document.createElement('div'), swatch = row.appendChild(document.createElement('span'));
+  swatch.className = 'swatch', swatch.style.background = css(colour);
+  row.append(text);
+  return row;
+}
+
 // What repair did to the surface: a colour and the area of each kind.
 export function showMarks({head, marks}) {
   element('marks-panel').hidden = !marks.length;
@@ -68,13 +76,8 @@ export function showMarks({head, marks}) {
     kinds.set(name, kind);
     kind.area += area, kind.count++;
   }
-  element('marks').replaceChildren(...[...kinds].map(([name, {colour, area, count}]) => {
-    const row = document.createElement('div'), swatch = row.appendChild(document.createElement('span'));
-    swatch.className = 'swatch';
-    swatch.style.background = css(colour);
-    row.appendChild(document.createTextNode(`${name}: ${count.toLocaleString('en')}, area ${number(Number(area.toPrecision(3)))}${head.unit ? ` ${head.unit}²` : ''}`));
-    return row;
-  }));
+  element('marks').replaceChildren(...[...kinds].map(([name, {colour, area, count}]) => swatchRow(colour,
+    `${name}: ${count.toLocaleString('en')}, area ${number(Number(area.toPrecision(3)))}${head.unit ? ` ${head.unit}²` : ''}`)));
 }
 
 // A bar of colours with its lengths below it.
@@ -106,13 +109,7 @@ export function showLegend(data, by, level) {
     if (WHERE[by]) box.appendChild(document.createElement('p')).textContent = WHERE[by];
     return;
   }
-  const line = (colour, text) => {
-    const row = box.appendChild(document.createElement('div'));
-    const swatch = row.appendChild(document.createElement('span'));
-    swatch.className = 'swatch';
-    swatch.style.background = css(colour);
-    row.appendChild(document.createTextNode(text));
-  };
+  const line = (colour, text) => box.appendChild(swatchRow(colour, text));
   if (by === 'triangle') return void (box.textContent = 'one colour for each triangle of the remeshed surface');
   const counts = new Map();
   for (let k = first; k < first + count; k++) {

@@ -35,14 +35,6 @@ TEST(BoxStepping, ABoxThatBecameHeavyIsCutAnew) {
   EXPECT_FALSE(boxed.report().cut);
 }
 
-TEST(BoxStepping, ScenesMayChangeAltogether) {
-  BoxedDetector boxed(on_the_cpu(5, 2));
-  for (const std::uint32_t n : {3000u, 10u, 0u, 1u, 20000u, 500u}) {
-    const Arranged a(random_scene(n, n % 3 ? 1 : 20, 0.5, n), n % 2 ? Scalar::f32 : Scalar::f64);
-    expect_as_one_detector(a.input, boxed);
-  }
-}
-
 // A body that nobody says has moved stands where it stood, whatever `bodies` says of it, also when it is in
 // another box by now.
 TEST(BoxStepping, RevisionsMeanWhatTheyMeanToOneDetector) {

@@ -26,50 +26,6 @@ void expect_right(const TestScene& scene, const std::string& what,
   }
 }
 
-TEST(BoxedDetector, RandomScenesAreAsWithoutBoxes) {
-  for (int trial = 0; trial < 12; trial++) {
-    const double ratio = trial % 3 == 0 ? 1 : trial % 3 == 1 ? 5 : 100;
-    TestScene scene = random_scene(500 + 100 * static_cast<std::uint32_t>(trial), ratio, trial % 2 ? 0.3 : 1,
-                                   1234 + static_cast<std::uint32_t>(trial));
-    if (trial % 4 == 1) scene.tag(4, 7);
-    if (trial % 4 == 2) scene.shift(1e6);
-    expect_right(scene, "trial " + std::to_string(trial), {1, 2, 5, 16});
-  }
-}
-
-// The halos are wider by half the margin: pairs that do not touch may belong to a box that neither meets.
-TEST(BoxedDetector, AMarginAndWorldsAreAsWithoutBoxes) {
-  const TestScene scene = random_scene(2000, 10, 4, 99);
-  Arranged a(scene, Scalar::f64);
-  std::vector<std::uint32_t> world;
-  for (std::uint32_t k = 0; k < 2000; k++) world.push_back(k % 50 == 0 ? kEveryWorld : k % 3);
-  for (const bool worlds : {false, true})
-    for (const double margin : {0.0, 0.5, 4.0}) {
-      a.input.spheres.world = worlds ? world.data() : nullptr;
-      CallOptions one;
-      one.margin = margin;
-      Detector detector({BackendKind::omp}, one);
-      const std::vector<Pair> wanted = sorted(detector.detect(a.input).pair_span());
-      for (const std::uint32_t n : {2u, 5u, 27u}) {
-        BoxOptions o = on_the_cpu(n, 2);
-        o.detector.margin = margin;
-        BoxedDetector boxed(o);
-        EXPECT_EQ(sorted(boxed.detect(a.input).pair_span()), wanted);
-      }
-    }
-}
-
-TEST(BoxedDetector, FloatSpheresAndBothPathsAreAsWithoutBoxes) {
-  const TestScene scene = random_scene(3000, 10, 0.5, 7).rounded();
-  const Arranged a(scene, Scalar::f32);
-  for (const Path path : {Path::grid, Path::nine_stages}) {
-    BoxOptions o = on_the_cpu(11, 2);
-    o.detector.path = path;
-    BoxedDetector boxed(o);
-    expect_as_one_detector(a.input, boxed);
-  }
-}
-
 TEST(BoxedDetector, ContactsOnFacesEdgesAndCornersBelongToOneBox) {
   // Midpoints on the planes of the cut: spheres of a lattice that touch exactly, and a point at every corner.
   TestScene corners = lattice(6, 1, 0.5);
@@ -135,22 +91,6 @@ Bodied bodied(std::uint64_t seed) {
   return s;
 }
 
-TEST(BoxedDetector, BodiesAcrossBoxes) {
-  for (const std::uint64_t seed : {1u, 2u, 3u}) {
-    std::printf("seed %llu\n", static_cast<unsigned long long>(seed));
-    const Bodied s = bodied(seed);
-    const Arranged a(s.grains, seed % 2 ? Scalar::f32 : Scalar::f64);
-    for (const std::uint32_t n : {1u, 2u, 8u, 40u}) {
-      SCOPED_TRACE(std::to_string(n) + " boxes");
-      BoxedDetector boxed(on_the_cpu(n, 1 + n % 2, n == 8 ? 3 : 1));
-      for (const Bodies bodies : {Bodies::first, Bodies::expanded}) {
-        boxed.options().bodies = bodies;
-        expect_as_one_detector(s.input(a), boxed);
-      }
-    }
-  }
-}
-
 // A lattice in its own order: whole runs of spheres go to one box. The arrays are together, or apart.
 TEST(BoxedDetector, NeighboursWithNeighbouringNumbersGoTogether) {
   TestScene scene = lattice(26, 1.9, 1).rounded();
@@ -173,14 +113,6 @@ TEST(BoxedDetector, NeighboursWithNeighbouringNumbersGoTogether) {
       BoxedDetector boxed(on_the_cpu(11, 2, 3));
       expect_as_one_detector(input, boxed);
     }
-}
-
-TEST(BoxedDetector, TheOwnRegionLimitsTheWholeScene) {
-  const TestScene scene = random_scene(2000, 3, 0.3, 41);
-  const Arranged a(scene, Scalar::f64);
-  BoxedDetector boxed(on_the_cpu(9));
-  boxed.options().own.low[0] = 5, boxed.options().own.high[2] = 20;
-  expect_as_one_detector(a.input, boxed);
 }
 
 TEST(BoxedDetector, BatchesHoldTheListAndRunOneAtATime) {

@@ -51,7 +51,9 @@ TEST(SideBySide, SpheresOfOneWorldKeepTheirDistanceAndThoseOfTwoAreFarApart) {
       const Sphere moved = boxes.moved(p, w);
       for (const double x : {moved.x, moved.y, moved.z}) EXPECT_LE(std::abs(x), extent);
       EXPECT_NEAR(gap(moved, boxes.moved(q, w)), gap(p, q), 0x1p-50 * extent + 0x1p-50 * std::abs(gap(p, q)));
-      if (!same) EXPECT_GT(gap(moved, boxes.moved(q, v)), margin + 0.4 * b.radius_max);
+      if (!same) {
+        EXPECT_GT(gap(moved, boxes.moved(q, v)), margin + 0.4 * b.radius_max);
+      }
     }
   }
 }

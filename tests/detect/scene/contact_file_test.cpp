@@ -11,7 +11,6 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
-#include <map>
 #include <sstream>
 
 #include "padding/asset/error.h"
@@ -146,29 +145,6 @@ TEST_F(ContactFileTest, SmallSceneInEveryFormat) {
   EXPECT_NE(written(t, "c.vtp").find("NumberOfPoints=\"2\""), std::string::npos);
 }
 
-// A list in any order gives the pairs of brute force in theirs, each with the record that was its own.
-TEST_F(ContactFileTest, SortedWithTheRecordsOfEachPair) {
-  const TestScene s = random_scene(2000, 3, 1, 7);
-  const std::vector<Pair> wanted = brute_force(s);
-  const ContactTable t = found_in(s);
-  ASSERT_GT(wanted.size(), 1000u);
-  EXPECT_NE(t.pairs, wanted) << "was sorted already";
-  const Npz z = npz_from_bytes(written(t, "c.npz"), "c.npz");
-  const auto pairs = z.at("pairs").as<std::uint32_t>();
-  const auto depths = z.at("depths").as<double>(), normals = z.at("normals").as<double>(),
-             on_i = z.at("points_i").as<double>(), on_j = z.at("points_j").as<double>();
-  ASSERT_EQ(depths.size(), wanted.size());
-  for (std::size_t k = 0; k < wanted.size(); k++) {
-    ASSERT_EQ((Pair{pairs[2 * k], pairs[2 * k + 1]}), wanted[k]);
-    const Sphere &a = s.spheres[wanted[k].i], &b = s.spheres[wanted[k].j];
-    const double x = b.x - a.x, y = b.y - a.y, z2 = b.z - a.z, d = std::sqrt(x * x + y * y + z2 * z2);
-    ASSERT_NEAR(depths[k], a.r + b.r - d, 1e-12);
-    ASSERT_NEAR(normals[3 * k + 1], y / d, 1e-12);
-    ASSERT_NEAR(on_i[3 * k], a.x + a.r * x / d, 1e-11);
-    ASSERT_NEAR(on_j[3 * k + 2], b.z - b.r * z2 / d, 1e-11);
-  }
-}
-
 // Many blocks, by one thread and by several: the same bytes, the checksums of the archive among them.
 TEST_F(ContactFileTest, ThreadsWriteTheSameBytes) {
   const ContactTable t = many(50000);
@@ -240,29 +216,6 @@ TEST_F(ContactFileTest, CsvGivesEveryBitBack) {
   EXPECT_EQ(k, t.pairs.size());
 }
 
-TEST_F(ContactFileTest, NpzGivesEveryBitBack) {
-  const ContactTable t = odd_numbers();
-  const Npz z = npz_from_bytes(written(t, "c.npz"), "c.npz");
-  ASSERT_EQ(z.size(), 5u);
-  const std::uint64_t n = t.pairs.size();
-  for (const char* name : {"normals", "points_i", "points_j"})
-    EXPECT_EQ(z.at(name).shape, (std::vector<std::uint64_t>{n, 3})) << name;
-  EXPECT_EQ(z.at("pairs").shape, (std::vector<std::uint64_t>{n, 2}));
-  EXPECT_EQ(z.at("depths").shape, (std::vector<std::uint64_t>{n}));
-  EXPECT_EQ(z.at("pairs").kind, 'u');
-  EXPECT_EQ(z.at("pairs").size, 4);
-  const auto normals = z.at("normals").as<double>(), depths = z.at("depths").as<double>(),
-             on_i = z.at("points_i").as<double>(), on_j = z.at("points_j").as<double>();
-  const auto pairs = z.at("pairs").as<std::uint32_t>();
-  for (std::size_t k = 0; k < n; k++) {
-    EXPECT_EQ(pairs[2 * k], t.pairs[k].i);
-    EXPECT_EQ(pairs[2 * k + 1], t.pairs[k].j);
-    expect_same_bits({normals[3 * k], normals[3 * k + 1], normals[3 * k + 2], depths[k], on_i[3 * k],
-                      on_i[3 * k + 1], on_i[3 * k + 2], on_j[3 * k], on_j[3 * k + 1], on_j[3 * k + 2]},
-                     row_of(t, k));
-  }
-}
-
 // The array called `name`, or the positions for "", by what a .vtp says of itself: each array is at its
 // offset in the appended part, its size before it.
 template <class T>
@@ -322,8 +275,9 @@ TEST_F(ContactFileTest, NoContacts) {
   EXPECT_NE(written({}, "c.vtp").find("NumberOfPoints=\"0\""), std::string::npos);
 }
 
-// Bodies at poses of their own and of the call, and loose spheres whose arrays begin at odd addresses.
-TEST_F(ContactFileTest, RecordsHaveTheBitsOfADetectors) {
+// A list in the detector's order is sorted in the file, where each pair has its record. Bodies at poses of
+// their own and of the call, and loose spheres whose arrays begin at odd addresses.
+TEST_F(ContactFileTest, ANpzIsSortedAndHasTheBitsOfADetectorsRecords) {
   const TestScene s = random_scene(1500, 4, 0.8, 21).rounded();
   const std::vector<Shape> shapes = {{s.spheres.data(), 200}, {s.spheres.data() + 200, 1}, {nullptr, 0}};
   std::mt19937_64 random(21);
@@ -359,11 +313,18 @@ TEST_F(ContactFileTest, RecordsHaveTheBitsOfADetectors) {
       const auto pairs = z.at("pairs").as<std::uint32_t>();
       const auto normals = z.at("normals").as<double>(), depths = z.at("depths").as<double>(),
                  on_i = z.at("points_i").as<double>(), on_j = z.at("points_j").as<double>();
-      std::map<std::uint64_t, std::size_t> row;
-      for (std::size_t k = 0; k < c.count; k++) row[std::uint64_t(pairs[2 * k]) << 32 | pairs[2 * k + 1]] = k;
-      ASSERT_EQ(row.size(), c.count);
+      const std::vector<Pair> wanted = sorted(c.pair_span());
+      EXPECT_FALSE(std::ranges::equal(c.pair_span(), wanted)) << "was sorted already";
+      ASSERT_EQ(pairs.size(), 2 * c.count);
+      for (std::size_t k = 0; k < c.count; k++)
+        ASSERT_EQ((Pair{pairs[2 * k], pairs[2 * k + 1]}), wanted[k]) << "row " << k;
+      EXPECT_EQ(z.at("pairs").shape, (std::vector<std::uint64_t>{c.count, 2}));
+      EXPECT_EQ(z.at("depths").shape, (std::vector<std::uint64_t>{c.count}));
+      for (const char* name : {"normals", "points_i", "points_j"})
+        EXPECT_EQ(z.at(name).shape, (std::vector<std::uint64_t>{c.count, 3})) << name;
+      EXPECT_TRUE(z.size() == 5 && z.at("pairs").kind == 'u' && z.at("pairs").size == 4);
       for (std::size_t k = 0; k < c.count; k++) {
-        const std::size_t at = row.at(std::uint64_t(c.pairs[k].i) << 32 | c.pairs[k].j);
+        const auto at = std::size_t(std::ranges::lower_bound(wanted, c.pairs[k], before) - wanted.begin());
         const Normal<double>& n = c.normal_span<double>()[k];
         const Points<double>& p = c.point_span<double>()[k];
         expect_same_bits({normals[3 * at], normals[3 * at + 1], normals[3 * at + 2], depths[at]},

@@ -150,16 +150,6 @@ TEST_F(SceneTest, FaultsAreNamedWithTheirPlace) {
   EXPECT_THROW(scene(R"("spheres": [{"file": "absent.csv"}])"), Error);
 }
 
-TEST_F(SceneTest, NpzGivesBackWhatWasWritten) {
-  const std::vector<double> d{1.5, -2, 1e300};
-  const std::vector<std::uint32_t> u{0, 0xffffffffu};
-  const Npz back =
-      npz_from_bytes(npz_bytes({{"d", npy_array(d.data(), {3, 1})}, {"u", npy_array(u.data(), {2})}}), "x");
-  EXPECT_EQ(back.at("d").as<double>(), d);
-  EXPECT_EQ(back.at("d").shape, (std::vector<std::uint64_t>{3, 1}));
-  EXPECT_EQ(back.at("u").as<std::uint32_t>(), u);
-}
-
 TEST_F(SceneTest, PileHasContactsBetweenBodiesOnly) {
   const Cluster c = read_cluster(folder_ / "pair.spheres.json");
   const Scene s = pile_of(c, 500);

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstdlib>
@@ -786,6 +787,35 @@ TEST_F(Read, ObjFaultsNameTheirLine) {
   EXPECT_DOUBLE_EQ(tiny.area(), 0.5);
 }
 
+TEST_F(Read, FaultsOfTheOtherFormatsAreNamed) {
+  const std::string off = "OFF\n3 1 0\n0 0 0\n1 0 0\n", stl = binary_stl(cube());
+  const std::string text = ply("ascii", "float", "0 0 0\n2 0 0\n0 2 0\n3 0 1 -2\n");
+  std::string list(36, '\0'), nan = stl, noise = stl;
+  list += "\xff" + std::string(12, '\0');
+  nan.replace(96, 4, "\xff\xff\xff\xff"), noise.replace(80, 4, "\xff\xff\xff\xff");
+  const std::array<std::string, 3> table[] = {
+      {"t.off", "OFF\n4000000000 4000000000 0\n0 0 0\n", "4000000000 vertices"},
+      {"t.off", "OFF\n-3 -1 0\n", "'-3'"},
+      {"t.off", off + "0 1 0\n3 0 1 7\n", "line 6: face 1 of 1 has a corner at vertex '7'"},
+      {"t.off", off + "0 1 0\n3 0 1 -1\n", "a corner at vertex '-1'"},
+      {"t.off", off, "vertex 3 of 3 should stand"},
+      {"t.off", noise, "zero byte"},
+      {"t.ply", with(text, "vertex 3", "vertex 4000000000"), "promises 4000000000"},
+      {"t.ply", text, "names vertex -2"},
+      {"t.ply", "ply\nformat ascii 1.0\nelement vertex 1\n", "no end_header"},
+      {"t.ply", with(text, "float x", "quux x"), "line 5: 'quux' is no type"},
+      {"t.ply", ply("binary_little_endian", "float", list), "'face', but number 1 cannot be read"},
+      {"t.ply", noise, "begins with the line ply"},
+      {"t.stl", "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n", "ends inside a facet"},
+      {"t.stl", stl.substr(0, 80), "too short"},
+      {"t.stl", nan, "vertex 1 (counted from 1)"},
+      {"t.stl", noise, "promises 4294967295 facets"},
+      {"t.stl", noise.substr(3), "as a binary STL"},
+      {"t.obj", stl, "zero byte"}};
+  for (const auto& [name, bytes, words] : table) expect_fault(put(name, bytes), words);
+  EXPECT_EQ(read("t.off", "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n2 0 1\n3 0 1 2\n").mesh.triangles.size(), 1u);
+}
+
 TEST_F(Read, NothingGetsThroughWhenBytesAreLostOrChanged) {  // an answer or a sentence, never a crash
   const std::string files[][2] = {{"t.obj", kCubeObj},
                                   {"t.stl", binary_stl(cube())},
@@ -963,50 +993,6 @@ TEST_F(Analytic, TrianglesAreaAndVolume) {
     EXPECT_NEAR(volume(m), e["mesh_volume"],
                 1e-5 * std::abs(e["mesh_volume"].get<double>()) + 1e-15 * std::pow(area, 1.5));
   }
-}
-
-TEST_F(Analytic, Malformed) {
-  check_table(folder_ / "malformed",
-              {{"empty.obj", "the file is empty"},
-               {"empty.stl", "the file is empty"},
-               {"empty.off", "the file is empty"},
-               {"empty.ply", "the file is empty"},
-               {"noise.obj", "zero byte"},
-               {"noise.off", "zero byte"},
-               {"noise.ply", "begins with the line ply"},
-               {"noise.stl", "as a binary STL"},
-               {"wrong_extension.obj", "zero byte"},
-               {"obj_comma_decimals.obj", "line 1: '0,0' is not a number"},
-               {"obj_face_before_vertex.obj", "", 1},
-               {"obj_face_of_two.obj", "it holds no triangle"},
-               {"obj_index_too_large.obj", "line 4: a face names vertex 99999999999"},
-               {"obj_index_zero.obj", "line 4: a face names vertex 0"},
-               {"obj_inf.obj", "line 2: vertex 2"},
-               {"obj_nan.obj", "line 2: vertex 2"},
-               {"obj_negative_too_far.obj", "line 4: a face names vertex -9"},
-               {"obj_nul_bytes.obj", "line 2: a zero byte"},
-               {"obj_two_coordinates.obj", "line 1: a vertex needs three coordinates"},
-               {"off_face_degree_2.off", "", 1},
-               {"off_huge_counts.off", "4000000000 vertices"},
-               {"off_index_out_of_range.off", "line 6: face 1 of 1 has a corner at vertex '7'"},
-               {"off_negative_counts.off", "'-3'"},
-               {"off_negative_index.off", "a corner at vertex '-1'"},
-               {"off_short.off", "vertex 3 of 3 should stand"},
-               {"ply_huge_count.ply", "promises 4000000000"},
-               {"ply_list_too_long.ply", "'face', but number 1 cannot be read"},
-               {"ply_negative_index.ply", "names vertex -2"},
-               {"ply_no_end_header.ply", "no end_header"},
-               {"ply_no_xyz.ply", "no property x"},
-               {"ply_truncated.ply", "'face', but number 1 cannot be read"},
-               {"ply_unknown_type.ply", "line 4: 'quux' is no type"},
-               {"stl_ascii_cut.stl", "ends inside a facet"},
-               {"stl_ascii_four_vertices.stl", "line 9: a facet of 4 vertices"},
-               {"stl_count_too_large.stl", "promises 4294967295 facets"},
-               {"stl_count_too_small.stl", "promises 3 facets, but has 12"},
-               {"stl_header_only.stl", "too short"},
-               {"stl_nan.stl", "vertex 1 (counted from 1)"},
-               {"stl_trailing_bytes.stl", "", 12},
-               {"stl_truncated.stl", "promises 12 facets, but has room for 11"}});
 }
 
 }  // namespace

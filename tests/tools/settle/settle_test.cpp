@@ -79,6 +79,11 @@ using detect::BackendKind, detect::name_in_one_word;
 class SettleTest : public detect::BackendTest {
  protected:
   static StepperOptions on(int threads = 0, double skin = -1) { return {threads, skin, GetParam()}; }
+  // With the step that is chosen for it.
+  static Stepper started(System& s) {
+    s.step = step_limits(s).chosen;
+    return Stepper(s, on());
+  }
 };
 ON_EVERY_BACKEND(SettleTest);
 
@@ -165,8 +170,7 @@ TEST_P(SettleTest, ABlockOnASlopeSlipsAtItsAngleOfFriction) {
     tilt(s, angle);
     s.walls.push_back(floor_with(mu));
     add_body(s, 0, kBlock, {0, 0, 0.01}, {});
-    s.step = step_limits(s).chosen;
-    Stepper stepper(s, on());
+    Stepper stepper = started(s);
     stepper.step(static_cast<std::uint64_t>(0.5 / s.step));
     const double speed = gained(angle, mu, stepper.time());
     EXPECT_NEAR(stepper.system().velocity[0].x, speed, 0.01 * speed + 5e-3) << angle;
@@ -188,8 +192,7 @@ TEST_P(SettleTest, BlocksOfSeveralMaterialsSlipByTheirPairs) {
       add_body(s, 0, kBlock, {0, 0.5 * m, 0.01}, {});
       s.material.push_back(static_cast<std::uint8_t>(m));
     }
-    s.step = step_limits(s).chosen;
-    Stepper stepper(s, on());
+    Stepper stepper = started(s);
     stepper.step(static_cast<std::uint64_t>(0.4 / s.step));
     for (std::uint32_t m = 0; m < 3; m++) {
       const double speed = gained(angle, mu[m][floor], stepper.time());
@@ -237,8 +240,7 @@ TEST_P(SettleTest, AFreePairKeepsItsMomentumToRounding) {
   const Mass mass = rod(s, 3, 0.01, 0.015, 2500);
   add_body(s, 0, mass, {0, 0.004, 0.05}, turned({}, {0.3, 0.2, 0.5}));
   add_grain(s, {0.005, 0, 0}, 0.012, 2500, {0.1, 0.2, 2});
-  s.step = step_limits(s).chosen;
-  Stepper stepper(s, on());
+  Stepper stepper = started(s);
   const auto [p0, l0] = momenta(stepper.system());
   std::uint64_t contacts = 0;
   while (stepper.time() < 0.1) stepper.step(), contacts += stepper.contacts();
@@ -260,8 +262,7 @@ TEST_P(SettleTest, ABushingKeepsTheMomentumOfTwoFreeBodies) {
     add_body(s, 0, mass, {0.1, 0, 0}, {});
     s.bushings.push_back({0, 1, {0.03, 0, 0.01}, {-0.04, 0.02, 0}, 500, damping});
     s.velocity = {{0, 1, 0}, {0, -1, 0.5}};
-    s.step = step_limits(s).chosen;
-    Stepper stepper(s, on());
+    Stepper stepper = started(s);
     const auto [p0, l0] = momenta(stepper.system());
     stepper.step(static_cast<std::uint64_t>(0.05 / s.step));
     const auto [p, l] = momenta(stepper.system());
@@ -283,8 +284,7 @@ TEST_P(SettleTest, AFreeRodOfSpheresTurnsAsEulersEquationsSay) {
   const Vec3 spin{20, 3, 10};
   s.spin[0] = spin;
   s.momentum[0] = {mass.moments.x * spin.x, mass.moments.y * spin.y, mass.moments.z * spin.z};
-  s.step = step_limits(s).chosen;
-  Stepper stepper(s, on());
+  Stepper stepper = started(s);
   Vec3 w = spin;  // in the rod's frame
   const Vec3 i = mass.moments;
   const auto rate = [&](const Vec3& v) {
@@ -306,8 +306,8 @@ TEST_P(SettleTest, AFreeRodOfSpheresTurnsAsEulersEquationsSay) {
 
 TEST_P(SettleTest, APileComesToRestAndItsEnergyOnlyFalls) {
   System s = heap(6, 6, 6, 5);
-  s.law.stiffness = 2e4, s.law.tangential_stiffness = 4e4 / 7, s.step = step_limits(s).chosen;
-  Stepper stepper(s, on());
+  s.law.stiffness = 2e4, s.law.tangential_stiffness = 4e4 / 7;
+  Stepper stepper = started(s);
   double before = stepper.watch().total(), moving = 0;
   const double first = before, fall = 216 * 2500 * 4 / 3 * kPi * 1e-6 * 9.81 * 0.1;
   while (stepper.time() < 2) {
@@ -328,8 +328,7 @@ TEST_P(SettleTest, APileComesToRestAndItsEnergyOnlyFalls) {
 TEST_P(SettleTest, WhatBeginsToMoveOrTurnsBackIsNotAtRest) {
   const auto expect_moving = [](System s, const char* what) {
     s.walls.push_back(floor_with(0.3));
-    s.step = step_limits(s).chosen;
-    Stepper stepper(s, on());
+    Stepper stepper = started(s);
     while (stepper.time() < 0.3) {
       stepper.watch();
       ASSERT_FALSE(stepper.at_rest()) << what << " at " << stepper.time();
@@ -408,8 +407,7 @@ TEST_P(SettleTest, AHeapHasAnAngleOfReposeInThePublishedRange) {
                     d * (0.46 + 0.06 * random.unit()), 2500);
   s.grain_static.assign(s.grain_radius.size(), 0);
   std::fill_n(s.grain_static.begin(), held, 1);
-  s.step = step_limits(s).chosen;
-  Stepper stepper(s, on());
+  Stepper stepper = started(s);
   while (stepper.time() < 1) stepper.step();
 
   // The highest grain of each ring, and the line through these points.
