@@ -225,6 +225,13 @@ std::string slots_text(const Job& job) {
                                                : "--repair auto, or a larger tolerance, may help");
 }
 
+// A wrap lies outside of the input, so that no sphere can be proved to stay inside of the input.
+std::string standoff_text(const Job& job, double standoff) {
+  return "the wrap stands off the input by up to " + short_number(standoff * job.frame.scale(), 3) +
+         ": use a --protrusion above 0, or " +
+         (job.options.min_grain_radius.given() ? "leave out --reach" : "--repair auto");
+}
+
 // Why the figures are no proof against the input; empty when they are.
 std::string unproved(const Measured& m, std::size_t spheres) {
   if (m.accuracy.proved_against == SurfaceKind::none)
@@ -259,6 +266,7 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
   a.certified = within_tolerance && reason.empty();
   if (!within_tolerance) {
     if (!report.slots.empty()) why = slots_text(job);
+    if (a.wrap_distance > 0 && !(asked.protrusion > 0)) why = standoff_text(job, a.wrap_distance);
     if (moved > 0.1 * std::max(asked.protrusion, asked.gap) && why.empty())
       why = "so far from the origin doubles are too coarse to write the spheres down: move the mesh";
     if (why.empty() && m.flat_gap > asked.gap)

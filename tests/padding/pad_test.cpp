@@ -553,6 +553,18 @@ TEST(Pad, AGapOf0CoversTheInsideOfABodyWithHairCracks) {
   EXPECT_TRUE(holds(sheet.report.warnings[0], "--repair fill"));
 }
 
+// A wrap lies outside of the input, so that no sphere is proved to stay inside of it: the reason says so.
+TEST(Pad, NoWrapKeepsAProtrusionOf0) {
+  for (const double gap : {0.05, 0.2}) {
+    PadOptions options{.protrusion = Length::of(0), .gap = Length::share(gap), .effort = 0};
+    options.repair = RepairMode::wrap;
+    const Padded p = pad(as_file(shapes::box({0, 0, 0}, {1, 1, 1})), options);
+    EXPECT_FALSE(p.report.within);
+    EXPECT_TRUE(holds(p.report.reason, "because the wrap stands off the input by up to")) << p.report.reason;
+    EXPECT_TRUE(holds(p.report.reason, "use a --protrusion above 0")) << p.report.reason;
+  }
+}
+
 TEST(Pad, AWrapOfLooseTrianglesIsCertified) {
   for (std::uint64_t seed = 1; seed <= 2; seed++) {
     shapes::RandomInput random(seed);
