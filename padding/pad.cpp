@@ -47,6 +47,23 @@ struct RungSpheres {
   WhyOpen open = WhyOpen::nothing;
 };
 
+// On a flat, no ball inside of the body covers more than a disc of the radius sqrt(4 r gap), with the largest
+// r that the body's box has room for. So a tiny depth ratio needs spheres without end.
+void check_feasible(const PadOptions& options, const Surface& surface,
+                    const std::vector<FittedBall>& fitted) {
+  if (!surface.closed() || options.force) return;
+  double gap = 0;
+  for (const FittedBall& f : fitted) gap = std::max(gap, f.cap);
+  const double largest = 0.5 * (surface.bounds().high - surface.bounds().low).minCoeff() + gap;
+  const double needed = surface.mesh().area() / (4 * std::numbers::pi * largest * gap);
+  constexpr double million = 1e6, times_as_many = 4;
+  if (needed > std::max(million, times_as_many * static_cast<double>(fitted.size())))
+    throw Error(
+        "a depth ratio of " + short_number(options.depth_ratio_used(), 3) + " would need more than " +
+        short_number(needed / million, 2) +
+        " million spheres: use a larger --depth, or --tolerance; --force (force=True in Python) tries it");
+}
+
 RungSpheres by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
                      PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
   // Folded walls have much surface in a small box: whoever waits is told how much work that is.
@@ -66,6 +83,7 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
   step("fit", 2);
   std::vector<FittedBall> fitted = fit(remeshed.mesh, options.depth_ratio_used(), length);
   report.seconds.fit = clock.lap();
+  check_feasible(options, surface, fitted);
 
   step("refit", 3);
   const auto tell = [&](std::size_t open) {

@@ -195,6 +195,18 @@ TEST(Pad, ASheetIsSaidToBeOne) {
   EXPECT_EQ(p.cluster.mass.volume, 0);
 }
 
+// Caps that are so flat would cover a box by tens of millions of spheres.
+TEST(Pad, ADepthRatioThatWouldNeverEndIsRefused) {
+  try {
+    pad(as_file(shapes::box({0, 0, 0}, {1, 1, 1})), {.depth_ratio = 1e-6});
+    FAIL() << "it came to an end";
+  } catch (const Error& e) {
+    EXPECT_TRUE(holds(e.what(), "a depth ratio of 1e-06 would need more than")) << e.what();
+    EXPECT_TRUE(holds(e.what(), "use a larger --depth, or --tolerance")) << e.what();
+  }
+  EXPECT_GT(pad(as_file(shapes::square(1, 2)), {.depth_ratio = 1e-6}).cluster.size(), 0u) << "a flat sheet";
+}
+
 Padded by_tolerance(const Mesh& mesh, double share, PadOptions options = {}) {
   options.tolerance = Length::share(share);
   return pad(as_file(mesh), options);
