@@ -13,7 +13,9 @@ struct Shape {
   std::uint64_t count = 0;
 };
 
-// A shape at a pose.
+// A shape at a pose. The caller answers for the rotation: the detector does not check whether the matrix is
+// orthonormal. One that is not, such as one of zeros, places the spheres wherever it maps them, and contacts
+// may be missing. rotation_of() makes one that is orthonormal. Python checks those in host memory.
 struct Body {
   double rotation[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};  // an orthonormal matrix, row by row
   double position[3] = {0, 0, 0};

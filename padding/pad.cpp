@@ -47,6 +47,23 @@ struct RungSpheres {
   WhyOpen open = WhyOpen::nothing;
 };
 
+// On a flat, no ball inside of the body covers more than a disc of the radius sqrt(4 r gap), with the largest
+// r that the body's box has room for. So a tiny depth ratio needs spheres without end.
+void check_feasible(const PadOptions& options, const Surface& surface,
+                    const std::vector<FittedBall>& fitted) {
+  if (!surface.closed() || options.force) return;
+  double gap = 0;
+  for (const FittedBall& f : fitted) gap = std::max(gap, f.cap);
+  const double largest = 0.5 * (surface.bounds().high - surface.bounds().low).minCoeff() + gap;
+  const double needed = surface.mesh().area() / (4 * std::numbers::pi * largest * gap);
+  constexpr double million = 1e6, times_as_many = 4;
+  if (needed > std::max(million, times_as_many * static_cast<double>(fitted.size())))
+    throw Error(
+        "a depth ratio of " + short_number(options.depth_ratio_used(), 3) + " would need more than " +
+        short_number(needed / million, 2) +
+        " million spheres: use a larger --depth, or --tolerance; --force (force=True in Python) tries it");
+}
+
 RungSpheres by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
                      PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
   // Folded walls have much surface in a small box: whoever waits is told how much work that is.
@@ -66,6 +83,7 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
   step("fit", 2);
   std::vector<FittedBall> fitted = fit(remeshed.mesh, options.depth_ratio_used(), length);
   report.seconds.fit = clock.lap();
+  check_feasible(options, surface, fitted);
 
   step("refit", 3);
   const auto tell = [&](std::size_t open) {
@@ -225,6 +243,13 @@ std::string slots_text(const Job& job) {
                                                : "--repair auto, or a larger tolerance, may help");
 }
 
+// A wrap lies outside of the input, so that no sphere can be proved to stay inside of the input.
+std::string standoff_text(const Job& job, double standoff) {
+  return "the wrap stands off the input by up to " + short_number(standoff * job.frame.scale(), 3) +
+         ": use a --protrusion above 0, or " +
+         (job.options.min_grain_radius.given() ? "leave out --reach" : "--repair auto");
+}
+
 // Why the figures are no proof against the input; empty when they are.
 std::string unproved(const Measured& m, std::size_t spheres) {
   if (m.accuracy.proved_against == SurfaceKind::none)
@@ -259,6 +284,7 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
   a.certified = within_tolerance && reason.empty();
   if (!within_tolerance) {
     if (!report.slots.empty()) why = slots_text(job);
+    if (a.wrap_distance > 0 && !(asked.protrusion > 0)) why = standoff_text(job, a.wrap_distance);
     if (moved > 0.1 * std::max(asked.protrusion, asked.gap) && why.empty())
       why = "so far from the origin doubles are too coarse to write the spheres down: move the mesh";
     if (why.empty() && m.flat_gap > asked.gap)

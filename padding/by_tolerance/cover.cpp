@@ -52,6 +52,7 @@ class CoverSearch {
 
   Cover run() const {
     Attempt best{CoverProblem(limits_.gap), {}, 0};
+    if (grower_.none_fits()) return finish(best, {WhyOpen::min_radius, mesh_.middle(0)});
     if (single(best)) return finish(best, {});
     SampleOptions sampling;
     sampling.tolerance_sum = limits_.tolerance_sum;

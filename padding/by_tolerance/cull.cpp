@@ -23,6 +23,9 @@ constexpr double kOfGuess = 0.35;  // the tolerance sum of few balls may be this
 // A cover is smoother than another one if its mean normal error is less than such a share of the other's.
 constexpr double kSmoother = 0.98;
 constexpr double kLargestRatio = 0.9;  // of a tolerance sum that is tried to be smoother to the one before
+// No step to a smaller sum goes below this share: a cover of a sheet has ten times as many balls for it. A
+// long step that is in vain is no chance.
+constexpr double kSmallestRatio = 0.3, kLongStep = 0.6;
 // Half of what is promised. The other half is for errors of the estimate.
 constexpr double kVolumeGoal = 0.005;
 
@@ -197,9 +200,10 @@ class CullSearch {
     const double least = std::max(0.05 * tolerance_sum, 2 * kSmallestError * diagonal_);
     double smoothest = std::numeric_limits<double>::infinity(), smoothest_sum = tolerance_sum_;
     best_ = cover_;
+    double last_ratio = 1;
     for (int step = 0, vain = 0; step < 6 && vain < 2 && cover_with_few(tolerance_sum); step++) {
       const double error = union_shape(surface_, dilated(0.5 * tolerance_sum)).normal_error;
-      vain++;
+      vain += last_ratio < kLongStep ? 2 : 1;
       if (error <= options_.smooth || error < kSmoother * smoothest)
         smoothest = error, best_ = cover_, smoothest_sum = tolerance_sum, vain = 0;
       if (error <= options_.smooth || tolerance_sum <= least) break;
@@ -207,8 +211,8 @@ class CullSearch {
       const double ratio = 0.95 * options_.smooth / error;
       const double allowed = least_ratio_for_count();
       if (allowed > kLargestRatio) break;
-      tolerance_sum =
-          std::max(least, tolerance_sum * std::clamp(ratio * ratio, std::max(0.1, allowed), kLargestRatio));
+      last_ratio = std::clamp(ratio * ratio, std::max(kSmallestRatio, allowed), kLargestRatio);
+      tolerance_sum = std::max(least, tolerance_sum * last_ratio);
     }
     cover_ = best_, tolerance_sum_ = smoothest_sum, culled.normal_error = smoothest;
     return tolerance_sum_;

@@ -195,6 +195,18 @@ TEST(Pad, ASheetIsSaidToBeOne) {
   EXPECT_EQ(p.cluster.mass.volume, 0);
 }
 
+// Caps that are so flat would cover a box by tens of millions of spheres.
+TEST(Pad, ADepthRatioThatWouldNeverEndIsRefused) {
+  try {
+    pad(as_file(shapes::box({0, 0, 0}, {1, 1, 1})), {.depth_ratio = 1e-6});
+    FAIL() << "it came to an end";
+  } catch (const Error& e) {
+    EXPECT_TRUE(holds(e.what(), "a depth ratio of 1e-06 would need more than")) << e.what();
+    EXPECT_TRUE(holds(e.what(), "use a larger --depth, or --tolerance")) << e.what();
+  }
+  EXPECT_GT(pad(as_file(shapes::square(1, 2)), {.depth_ratio = 1e-6}).cluster.size(), 0u) << "a flat sheet";
+}
+
 Padded by_tolerance(const Mesh& mesh, double share, PadOptions options = {}) {
   options.tolerance = Length::share(share);
   return pad(as_file(mesh), options);
@@ -551,6 +563,18 @@ TEST(Pad, AGapOf0CoversTheInsideOfABodyWithHairCracks) {
   EXPECT_FALSE(sheet.report.filled_body) << "it has no inside";
   ASSERT_EQ(sheet.report.warnings.size(), 1u);
   EXPECT_TRUE(holds(sheet.report.warnings[0], "--repair fill"));
+}
+
+// A wrap lies outside of the input, so that no sphere is proved to stay inside of it: the reason says so.
+TEST(Pad, NoWrapKeepsAProtrusionOf0) {
+  for (const double gap : {0.05, 0.2}) {
+    PadOptions options{.protrusion = Length::of(0), .gap = Length::share(gap), .effort = 0};
+    options.repair = RepairMode::wrap;
+    const Padded p = pad(as_file(shapes::box({0, 0, 0}, {1, 1, 1})), options);
+    EXPECT_FALSE(p.report.within);
+    EXPECT_TRUE(holds(p.report.reason, "because the wrap stands off the input by up to")) << p.report.reason;
+    EXPECT_TRUE(holds(p.report.reason, "use a --protrusion above 0")) << p.report.reason;
+  }
 }
 
 TEST(Pad, AWrapOfLooseTrianglesIsCertified) {

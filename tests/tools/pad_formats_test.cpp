@@ -69,6 +69,12 @@ TEST_F(PadFormatsTest, AMercuryFolderIsReadBack) {
   }
 }
 
+TEST_F(PadFormatsTest, AFullDiskLeavesNoMercuryFolders) {
+  const Ran full = pad("cube.obj --edge-length 10% -q -o full --format mercury", "ulimit -f 0 && ");
+  EXPECT_TRUE(full.output.starts_with("pad: cannot write full/")) << full.output;
+  EXPECT_FALSE(fs::exists(folder_ / "full"));
+}
+
 TEST_F(PadFormatsTest, AUnitIsNeverLostWithoutAWord) {
   ASSERT_EQ(pad("cube.obj --edge-length 10% -q --unit mm -o c.spheres.json -o c.npz -o c.vtp").output, "");
   for (const char* file : {"c.spheres.json", "c.npz", "c.vtp"}) {

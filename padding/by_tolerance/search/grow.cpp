@@ -43,6 +43,7 @@ std::optional<Ball> BallGrower::ball_beside(const Point& p, std::uint32_t triang
   // How far the ball may miss q, as a share of the way there. At the tip of a needle the ball is tiny.
   constexpr double medial_tolerance = 1e-7;
   const double sum = limits_.tolerance_sum;
+  if (room_.none_within(p, sum)) return std::nullopt;
   const double farthest = 2 * std::max(sum, limits_.min_radius);
   const double nearest = std::max(0.01 * sum, 0.5 * (limits_.min_radius - limits_.protrusion));
   const Vector inward = incentre(surface_.mesh().corners(triangle)) - p;

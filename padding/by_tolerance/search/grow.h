@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "padding/by_tolerance/search/cover_problem.h"
+#include "padding/by_tolerance/search/room.h"
 #include "padding/geometry/random.h"
 #include "padding/geometry/surface.h"
 
@@ -21,7 +22,11 @@ struct BallLimits {
 // the surface.
 class BallGrower {
  public:
-  BallGrower(const Surface& surface, const BallLimits& limits) : surface_(surface), limits_(limits) {}
+  BallGrower(const Surface& surface, const BallLimits& limits)
+      : surface_(surface), limits_(limits), room_(surface, limits.min_radius - limits.protrusion) {}
+
+  // No ball inside of the body is large enough to be chosen.
+  bool none_fits() const { return room_.none(); }
 
   // The medial ball that touches p, on this triangle. `guess` is about its radius, or 0; `inner` is a ball
   // nearby that lies inside (medial.h). Where that is too small to be chosen, as in a sharp edge that no ball
@@ -50,6 +55,7 @@ class BallGrower {
 
   const Surface& surface_;
   const BallLimits limits_;
+  const Room room_;  // for the inner balls that min_radius allows
 };
 
 }  // namespace padder

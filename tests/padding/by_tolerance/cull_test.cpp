@@ -128,6 +128,17 @@ TEST(Cull, WhatGetsNoSmootherIsNotMadeFiner) {
   EXPECT_LE(smooth.balls.size(), 2 * rough.balls.size());
 }
 
+// Much less than that is asked for: one cover of a smaller sum tells that more are in vain.
+TEST(Cull, WhatGetsNoSmootherIsToldByOneCover) {
+  const Surface plate(shapes::unit(shapes::box({0, 0, 0}, {1, 1, 1e-4})));
+  const auto told = [&plate](double smooth) {
+    int times = 0;
+    cull(plate, {.tolerance = 0.1, .smooth = smooth, .effort = 0, .tell = [&times](double) { times++; }});
+    return times;
+  };
+  EXPECT_LE(told(10), 3 * told(0));
+}
+
 TEST(Cull, SmoothnessTakesWhatTheCountAllows) {
   const Culled rough = cull(torus(), {.tolerance = 0.03, .effort = 0});
   const std::size_t count = 2 * rough.balls.size();
