@@ -510,7 +510,7 @@ TEST_P(Worlds, ARevisionBeforeStagesIsForgotten) {
 TEST_P(Worlds, AFaultyLooseSphereIsNamed) {
   Detector detector(device_);
   for (const int component : {0, 2, 3})
-    for (const double fault : {double(NAN), -double(NAN), double(INFINITY), -double(INFINITY), -1.0})
+    for (const double fault : {double(NAN), -double(NAN), double(INFINITY), -double(INFINITY), 1e101, -1.0})
       for (const std::size_t at : {0, 57, 299}) {
         if (fault == -1 && component != 3) continue;
         TestBodies w = random_worlds(4, 5, 0, 300);

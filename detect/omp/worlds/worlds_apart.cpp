@@ -79,12 +79,6 @@ bool WorldsApart::run(const View<T>& input, const CallOptions& options, int thre
   // docs/detector/exactness.md
   const double off = 8 * 0x1p-52 * extent;
   if (off > 0x1p-10 * bounds.radius_max) return false;
-  Summary given;
-  for (int c = 0; c < 3; c++)
-    given.extent = std::max({given.extent, std::abs(bounds.low[c]), std::abs(bounds.high[c])});
-  given.radius_max = bounds.radius_max;
-  check_range(given, options);
-
   Sphere* moved = moved_.resize(spheres.count, "the spheres of worlds");
 #pragma omp parallel for schedule(static) num_threads(threads)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(spheres.count); k++) {
@@ -97,6 +91,11 @@ bool WorldsApart::run(const View<T>& input, const CallOptions& options, int thre
   wider.width = Width::pairs, wider.margin += off, wider.own = {};
   Summary summary = summarize(apart, threads);
   if (summary.first_fault != ~std::uint64_t(0)) return false;
+  Summary given;
+  for (int c = 0; c < 3; c++)
+    given.extent = std::max({given.extent, std::abs(bounds.low[c]), std::abs(bounds.high[c])});
+  given.radius_max = bounds.radius_max;
+  check_range(given, options);
   summary.grown_by = wider.margin / 2;
   build_tree(spheres, bounds.many() ? bounds.every : 0, threads);
   contacts.seconds.place = watch.lap();
