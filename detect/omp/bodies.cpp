@@ -94,8 +94,6 @@ bool BodySearch::place(const Input& input, bool known, int threads) {
   std::uint32_t* mask = mask_.resize(all, "masks");
   std::uint32_t* owner = owner_.resize(all, "the bodies of spheres");
   const Spheres& s = input.spheres;
-  // More than half, by far more than the decisions about it round.
-  const double grown_by = 0.5 * margin_ * (1 + 0x1p-40);
 #pragma omp parallel for schedule(static) num_threads(threads)
   for (std::int64_t k = 0; k < static_cast<std::int64_t>(n); k++) {
     const Element e = assembly_.elements[static_cast<std::size_t>(k)];
@@ -104,7 +102,7 @@ bool BodySearch::place(const Input& input, bool known, int threads) {
     family[k] = f.family, mask[k] = f.mask, owner[k] = f.owner;
     balls[k] =
         is_loose ? ball_of(loose_at(s, e.piece)) : ball_of(bodies_[e.body], assembly_.pieces.pieces[e.piece]);
-    balls[k].r += grown_by;
+    balls[k].r += grown_by();
   }
   if (known) return true;
   if (!table_.build({balls + assembly_.moving, all - assembly_.moving}, assembly_.moving)) return false;
@@ -191,8 +189,14 @@ bool BodySearch::boxes_are_apart(Pair p, double margin) const {
   if (a.body == kLoose || b.body == kLoose) return false;
   const Pieces& pieces = assembly_.pieces;
   const Sphere &ball_a = balls_[p.i], &ball_b = balls_[p.j];
-  const Relative to = relative(stance_of(bodies_[a.body], a, pieces.pieces[a.piece], ball_a), ball_a,
-                               stance_of(bodies_[b.body], b, pieces.pieces[b.piece], ball_b), ball_b, margin);
+  // Stances are those of the balls before they grew by half of the margin. What that rounds is far less than
+  // relative() adds for the margin.
+  const auto stance = [&](const Element& e, const Sphere& ball) {
+    Stance s = stance_of(bodies_[e.body], e, pieces.pieces[e.piece], ball);
+    s.over -= grown_by();
+    return s;
+  };
+  const Relative to = relative(stance(a, ball_a), ball_a, stance(b, ball_b), ball_b, margin);
   return boxes_apart(pieces.boxes[a.piece], pieces.boxes[b.piece], to);
 }
 

@@ -52,6 +52,9 @@ class BodySearch {
                           : assembly_.body_first[body] + assembly_.pieces.numbers[slot];
   }
   Filter filter(std::uint32_t e) const { return {family_[e], mask_[e], owner_[e]}; }
+  // By how much balls are larger: by more than half of the margin, and by far more than the decisions about
+  // it round.
+  double grown_by() const { return 0.5 * margin_ * (1 + 0x1p-40); }
   Pair pair(std::uint64_t k) const {
     return k < broad_.count ? broad_.pairs[k] : static_pairs_[k - broad_.count];
   }

@@ -193,6 +193,20 @@ TEST_P(BodiesTest, TouchingAtTheRim) {
   }
 }
 
+// The boxes of long pieces tell more pairs apart than their balls: not those within the margin.
+TEST_P(BodiesTest, AMarginReachesFromLongPieceToLongPiece) {
+  std::vector<Sphere> rod;
+  for (int k = 0; k < 16; k++) rod.push_back({0.15 * k, 0, 0, 0.1});
+  const TestBodies s = strewn({rod}, 300, 0, 4, 11);
+  for (const double margin : {0.05, 0.3}) {
+    options_.margin = margin;
+    Detector detector(device_, options_);
+    const std::vector<Pair> wanted = oracle(s.input(), options_);
+    EXPECT_GT(wanted.size(), oracle(s.input()).size());
+    EXPECT_EQ(sorted(detector.detect(s.input()).pair_span()), wanted) << margin;
+  }
+}
+
 // The place where a revision began, or how many balls touched in the calls since, does not decide in which
 // order the list is. Of the rods and the small bodies too many touch where they are crowded: they are counted
 // there, or estimated where there are more elements.
