@@ -189,11 +189,11 @@ bool BodySearch::boxes_are_apart(Pair p, double margin) const {
   if (a.body == kLoose || b.body == kLoose) return false;
   const Pieces& pieces = assembly_.pieces;
   const Sphere &ball_a = balls_[p.i], &ball_b = balls_[p.j];
-  // Stances are those of the balls before they grew by half of the margin. What that rounds is far less than
-  // relative() adds for the margin.
+  // Stances are those of the balls before they grew by half of the margin: larger than these by no more than
+  // what three operations round.
   const auto stance = [&](const Element& e, const Sphere& ball) {
     Stance s = stance_of(bodies_[e.body], e, pieces.pieces[e.piece], ball);
-    s.over -= grown_by();
+    s.over += 0x1p-50 * ball.r - grown_by();
     return s;
   };
   const Relative to = relative(stance(a, ball_a), ball_a, stance(b, ball_b), ball_b, margin);
