@@ -8,11 +8,11 @@
 namespace padder {
 
 inline bool schemas_are_checked() {
-  return std::system("/usr/bin/python3 -c 'import jsonschema' >/dev/null 2>&1") == 0;
+  return std::system("'" PADDER_PYTHON "' -c 'import jsonschema' >/dev/null 2>&1") == 0;
 }
 
 inline bool of_schema(const std::filesystem::path& document, const std::string& schema) {
-  const std::string command = "/usr/bin/python3 -W ignore -m jsonschema -i '" + document.string() +
+  const std::string command = "'" PADDER_PYTHON "' -W ignore -m jsonschema -i '" + document.string() +
                               "' '" PADDER_ASSETS "/" + schema + "' >/dev/null 2>&1";
   return std::system(command.c_str()) == 0;
 }

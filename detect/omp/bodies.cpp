@@ -184,7 +184,7 @@ void BodySearch::gather(std::uint32_t element, const Sphere& other, Survivors& o
 
 // Do the boxes about two pieces show that no sphere of one touches one of the other? The balls of long or
 // flat pieces touch many others.
-bool BodySearch::boxes_are_apart(Pair p, double margin) const {
+bool BodySearch::boxes_are_apart(Pair p) const {
   const Element a = assembly_.elements[p.i], b = assembly_.elements[p.j];
   if (a.body == kLoose || b.body == kLoose) return false;
   const Pieces& pieces = assembly_.pieces;
@@ -196,7 +196,7 @@ bool BodySearch::boxes_are_apart(Pair p, double margin) const {
     s.over += 0x1p-50 * ball.r - grown_by();
     return s;
   };
-  const Relative to = relative(stance(a, ball_a), ball_a, stance(b, ball_b), ball_b, margin);
+  const Relative to = relative(stance(a, ball_a), ball_a, stance(b, ball_b), ball_b, margin_);
   return boxes_apart(pieces.boxes[a.piece], pieces.boxes[b.piece], to);
 }
 
@@ -204,7 +204,7 @@ bool BodySearch::boxes_are_apart(Pair p, double margin) const {
 void BodySearch::test_pair(std::uint64_t k, const CallOptions& options, Survivors& a, Survivors& b,
                            List<Hit>& hits) {
   const Pair p = pair(k);
-  if (boxes_are_apart(p, options.margin)) return;
+  if (boxes_are_apart(p)) return;
   gather(p.i, balls_[p.j], a);
   if (a.count == 0) return;
   gather(p.j, balls_[p.i], b);

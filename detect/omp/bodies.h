@@ -38,7 +38,7 @@ class BodySearch {
   bool place(const Input& input, bool known, int threads);
   void find_static_pairs(int threads);
   void search_static(std::uint32_t element, List<Pair>& list);
-  bool boxes_are_apart(Pair p, double margin) const;
+  bool boxes_are_apart(Pair p) const;
   void test_pair(std::uint64_t pair, const CallOptions& options, Survivors& a, Survivors& b, List<Hit>& hits);
   void gather(std::uint32_t element, const Sphere& other, Survivors& out) const;
   void write(const CallOptions& options, int threads, Records& records);

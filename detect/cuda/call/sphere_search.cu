@@ -46,16 +46,16 @@ double half_of(const Summary& s) {
   for (int k = 0; k < 3; k++) half = std::max(half, s.high[k] / 2 - s.low[k] / 2);
   return half;
 }
-// Near the middle of the scene, in steps of 2.7 to 5.5 times half_of(): it seldom changes while spheres move,
-// and is the origin where that lies in the scene. There floats stay finest: where few spheres have escaped,
-// the others lie anywhere in the bounds. 1.37: many scenes have a power of two as their length.
-Point middle_of(const Summary& s) {
+// DeviceSpheres::origin. It goes in steps of 2.7 to 5.5 times half_of(), so that it seldom changes while
+// spheres move, and is 0 where 0 lies in the scene: where few spheres have escaped, most of the others lie
+// near 0, but far from the middle of all. 1.37: many scenes have a power of two as their length.
+Point origin_for(const Summary& s) {
   const double half = half_of(s);
-  Point middle{};
-  if (!(half > 0)) return middle;
+  Point origin{};
+  if (!(half > 0)) return origin;
   const double step = 4 * std::ldexp(1, std::ilogb(1.37 * half));
-  for (int k = 0; k < 3; k++) middle.at[k] = step * std::round((s.low[k] / 2 + s.high[k] / 2) / step);
-  return middle;
+  for (int k = 0; k < 3; k++) origin.at[k] = step * std::round((s.low[k] / 2 + s.high[k] / 2) / step);
+  return origin;
 }
 // Of spheres that lie so much further along the axes. Their needs and octaves are not moved.
 Summary moved(Summary s, const double (&by)[3], double sign) {
@@ -68,7 +68,7 @@ Summary moved(Summary s, const double (&by)[3], double sign) {
 }
 
 // Input in double is searched as float where that leaves float sure of most pairs, and worlds are searched
-// side by side (exact_test.h). `s`: relative to the middle.
+// side by side (exact_test.h). `s`: relative to DeviceSpheres::origin.
 bool may_round(const DeviceSpheres& source, const Summary& s, double margin) {
   return (source.worlds_apart || (source.wide && source.placed == 0)) &&
          SphereSearch::serves_rounded(s, margin);
@@ -144,19 +144,20 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
   return good;
 }
 
-// Would a survey find the same middle? For a stable order, which must not depend on the calls before: surely,
-// since what is known is rounded. In any order it stays while it is not twice as far away as it may be.
-bool SphereSearch::middle_stays(const Call& call) const {
+// Would a survey lead to the same DeviceSpheres::origin? For a stable order, which must not depend on the
+// calls before: surely, since what is known is rounded. In any order it stays while it is not twice as far
+// away as it may be.
+bool SphereSearch::origin_stays(const Call& call) const {
   if (call.options.order == Order::any) return summary_.extent <= 8 * half_of(summary_);
   for (const int low : {-1, 1})
     for (const int high : {-1, 1}) {
-      Summary given = moved(summary_, middle_, 1);
+      Summary given = moved(summary_, origin_, 1);
       for (int k = 0; k < 3; k++) {
-        const double error = 0x1p-23 * extent_of(summary_) + 0x1p-51 * magnitude(middle_[k]);
+        const double error = 0x1p-23 * extent_of(summary_) + 0x1p-51 * magnitude(origin_[k]);
         given.low[k] += low * error, given.high[k] += high * error;
       }
       given.radius_max *= 1 + high * 0x1p-23;
-      if (!std::ranges::equal(middle_of(given).at, middle_)) return false;
+      if (!std::ranges::equal(origin_for(given).at, origin_)) return false;
     }
   return true;
 }
@@ -167,8 +168,8 @@ void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& c
   searched.rounded = source.worlds_apart;
   if (!searched.rounded) {
     summary_ = survey(source, call);
-    std::ranges::copy(middle_of(summary_).at, searched.middle);
-    searched.rounded = may_round(source, moved(summary_, searched.middle, -1), call.options.margin);
+    std::ranges::copy(origin_for(summary_).at, searched.origin);
+    searched.rounded = may_round(source, moved(summary_, searched.origin, -1), call.options.margin);
     if (summary_.radius_min == summary_.radius_max) searched.radius_of_all = summary_.radius_max;
   }
   if (searched.rounded) {
@@ -178,7 +179,7 @@ void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& c
     if (source.worlds_apart && !searched.rounded) throw Error(kChanged);
   }
   rounded_ = searched.rounded, radius_of_all_ = searched.radius_of_all;
-  std::ranges::copy(searched.middle, middle_);
+  std::ranges::copy(searched.origin, origin_);
   summary_.near = tools_.surveyor.neighbourhood(searched, summary_, call.stream);
   set_growth(call.options);
 }
@@ -196,7 +197,7 @@ void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, cons
   plan_.rounded = rounded_ && may_round(source, summary, call.options.margin);
   if (plan_.rounded) {
     plan_.source.radius_of_all = radius_of_all_;
-    std::ranges::copy(middle_, plan_.source.middle);
+    std::ranges::copy(origin_, plan_.source.origin);
   }
   const bool floats = plan_.searched().searched_as_floats() &&
                       float_range(summary.extent, summary.radius_max + call.options.margin / 2);
@@ -333,9 +334,10 @@ struct SphereSearch::Steps {
   const Call& call;
   Contacts& contacts;
   bool again;             // a call before had as many spheres
-  bool tries;             // its grid may be tried
   bool surveyed = false;  // by a trial that found the spheres to be others, but all it needed to know
   bool in_order = false;  // the last pass put the spheres in an order that still serves
+
+  bool may_try() const { return again && !call.options.timings; }
 
   Trial try_previous() {
     const Summary previous = s.summary_;
@@ -360,9 +362,9 @@ struct SphereSearch::Steps {
     check(source, s.summary_, call);
     // A list of rounded spheres has another order than one of doubles.
     if (call.options.order == Order::stable && !s.rounded_ &&
-        may_round(source, moved(s.summary_, middle_of(s.summary_).at, -1), call.options.margin))
+        may_round(source, moved(s.summary_, origin_for(s.summary_).at, -1), call.options.margin))
       return Trial::differs;
-    if (s.rounded_ && !source.worlds_apart && !s.middle_stays(call)) return Trial::differs;
+    if (s.rounded_ && !source.worlds_apart && !s.origin_stays(call)) return Trial::differs;
     // Where the last octave is populated, a survey by itself may tell sizes apart in another way
     // (Summary::above).
     if (s.summary_.octave[kOctaves - 1].count > 0) return Trial::differs;
@@ -388,7 +390,7 @@ struct SphereSearch::Steps {
     if (!surveyed) s.survey_as_searched(source, call);
     call.clock.mark(0);
     // The spheres move, where the grid of a call before did not fit.
-    s.grid_ = s.best_grid(call, s.summary_, tries ? GridBounds::wide : GridBounds::tight);
+    s.grid_ = s.best_grid(call, s.summary_, may_try() ? GridBounds::wide : GridBounds::tight);
     s.make_plan(source, call, s.summary_);
     s.lengthen_to_lend(call);
     s.method_ = OrderMethod::automatic;
@@ -450,8 +452,8 @@ void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& 
   const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
                        plan_.search.margin == call.options.margin && planned_wide_ == source.wide;
   const Counters before = found_;
-  Steps steps{*this, source, call, contacts, planned, planned && !call.options.timings};
-  speculative_.run(steps, steps.tries);
+  Steps steps{*this, source, call, contacts, planned};
+  speculative_.run(steps, steps.may_try());
   if (call.options.order == Order::stable)
     quota_ =
         quota_for(expected_next(planned ? before : found_, found_), source.count, plan_.grid, plan_.kind);

@@ -79,7 +79,8 @@ class SphereSearch {
   };
   struct Steps;  // of SpeculativeCall
   // May the buckets of the call before be kept? Spheres that outgrow them are put in order twice, which costs
-  // as much as to count some calls' spheres. So where that has happened shortly before, some calls count.
+  // as much as to count spheres in four calls. So where that has happened twice within a few calls, some
+  // calls count.
   class KeptBuckets {
    public:
     bool may() const { return counted_ == 0; }
@@ -99,7 +100,7 @@ class SphereSearch {
 
   Grid best_grid(const Call& call, const Summary& summary, GridBounds bounds) const;
   bool still_good(const Call& call, const Summary& previous);
-  bool middle_stays(const Call& call) const;
+  bool origin_stays(const Call& call) const;
   void set_growth(const CallOptions& options);
   void survey_as_searched(const DeviceSpheres& source, const Call& call);
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
@@ -120,7 +121,7 @@ class SphereSearch {
   KeptBuckets buckets_;
   Summary summary_;
   bool rounded_ = false;          // summary_ is of doubles rounded to float
-  double middle_[3] = {0, 0, 0};  // of DeviceSpheres, for those
+  double origin_[3] = {0, 0, 0};  // of DeviceSpheres, for those
   double radius_of_all_ = 0;      // likewise
   Grid grid_;                     // that the next pass is to use
   std::uint64_t calls_ = 0;       // in any order, after which the grid could stay

@@ -46,7 +46,7 @@ struct DeviceSpheres {
   // Doubles count as rounded to float. A radius below zero becomes no number, since it might round to zero.
   bool rounded = false;
   // Those count relative to here: floats are fine near the scene, wherever it lies.
-  double middle[3] = {0, 0, 0};
+  double origin[3] = {0, 0, 0};
   // Their radius; 0: they have several. Another one becomes no number.
   double radius_of_all = 0;
   bool filtered = false;
@@ -121,8 +121,8 @@ struct DeviceSpheres {
   }
   __device__ __forceinline__ Sphere rounded_sphere(const Sphere& s) const {
     const bool other = s.r < 0 || (radius_of_all > 0 && s.r != radius_of_all);
-    return {static_cast<float>(s.x - middle[0]), static_cast<float>(s.y - middle[1]),
-            static_cast<float>(s.z - middle[2]), other ? NAN : static_cast<float>(s.r)};
+    return {static_cast<float>(s.x - origin[0]), static_cast<float>(s.y - origin[1]),
+            static_cast<float>(s.z - origin[2]), other ? NAN : static_cast<float>(s.r)};
   }
   __device__ __forceinline__ std::uint32_t world_of(std::uint32_t k) const {
     if (k < placed) return bodies[body_of[k]].world;

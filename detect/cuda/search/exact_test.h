@@ -14,12 +14,12 @@ namespace padder::detect::cuda {
 // without touching is less than 27.3 u away from it. Pairs less than 32 u away are decided in double.
 inline constexpr float kWide = 1 + 0x1p-20f, kNear = 0x1p-19f;
 
-// The same where slots are doubles rounded to float, relative to the middle of the scene. A coordinate is
+// The same where slots are doubles rounded to float, relative to an origin near the scene. A coordinate is
 // then off by e = 2^-24 of the pair's largest one, so a distance by less than 3.47 e, and the square of one
 // that is near the sum s of the radii and the margin by less than 7 e s: e / s <= 2^-9. Where spheres are
 // that near, no coordinate is larger than m + s, if m is the largest one of either sphere. blur() is 8 *
 // 2^-24 (m + s) s, which leaves a seventh for roundings; `sure` stays 1.5 times that away. Each pair has the
-// band of its own place: a few spheres that are far from the middle leave the others as they are. Radii are
+// band of its own place: a few spheres that are far from that leave the others as they are. Radii are
 // off by 2^-24 of themselves, 2.1 u of the squares on both sides; the bands grow by 4 u and 16 u for that.
 inline constexpr float kWideRounded = kWide + 0x1p-22f, kNearRounded = kNear + 0x1p-20f;
 __device__ __forceinline__ float blur(const FloatSlot& a, float s) {

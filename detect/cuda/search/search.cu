@@ -19,11 +19,11 @@ std::uint32_t blocks_of_warps(std::uint64_t warps) {
 }
 
 // The region as slots have it, with its faces moved outwards by so much, and then to a float inwards of that.
-SearchTask::FloatBox float_box(const Region& region, const double (&middle)[3], double outwards) {
+SearchTask::FloatBox float_box(const Region& region, const double (&origin)[3], double outwards) {
   SearchTask::FloatBox box;
   for (int k = 0; k < 3; k++) {
-    box.low[k] = std::nextafter(static_cast<float>(region.low[k] - middle[k] - outwards), INFINITY);
-    box.high[k] = std::nextafter(static_cast<float>(region.high[k] - middle[k] + outwards), -INFINITY);
+    box.low[k] = std::nextafter(static_cast<float>(region.low[k] - origin[k] - outwards), INFINITY);
+    box.high[k] = std::nextafter(static_cast<float>(region.high[k] - origin[k] + outwards), -INFINITY);
   }
   return box;
 }
@@ -56,8 +56,8 @@ SearchTask make_task(const DeviceSpheres& source, const Grid& grid, const Ordere
   task.sum = task.radius_f32 + task.radius_f32 + task.margin_f32, task.sum_squared = task.sum * task.sum;
   task.own = options.own, task.exact = options.exact, task.owns_all = options.owns_all;
   // The outer box stays outside by one band when its faces are rounded inwards.
-  task.inner = float_box(options.own, source.middle, -options.owner_band);
-  task.outer = float_box(options.own, source.middle, 2 * options.owner_band);
+  task.inner = float_box(options.own, source.origin, -options.owner_band);
+  task.outer = float_box(options.own, source.origin, 2 * options.owner_band);
   task.defers = options.defers;
   task.wide = spheres.rounded ? kWideRounded : kWide, task.near = spheres.rounded ? kNearRounded : kNear;
   task.code_limit = code_limit(grid, spheres.bins, options.radius + grid.level[0].grown_by);
@@ -132,7 +132,7 @@ unsigned resident_tiles(KernelFamily family, SlotKind kind, int processors) {
 
 SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& grid, SlotKind kind) {
   // The quota goes in steps, so that it seldom changes from call to call; steps are finer where chance
-  // changes the number of contacts less. A factor of 1, which is expected, lies in the middle of a step.
+  // changes the number of contacts less. A factor of 1, which is expected, lies in the origin of a step.
   const double steps = found.contacts >> 24 ? 64 : found.contacts >> 22 ? 32 : 16;  // of an octave
   const auto rounded = [&](double mean) {
     return std::exp2((std::floor(steps * std::log2(mean) + 0.5) - 0.5) / steps);

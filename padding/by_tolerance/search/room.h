@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: MIT
 // Where a body has room for large balls.
 #pragma once
-#include <optional>
-
 #include "padding/geometry/balls.h"
 #include "padding/geometry/surface.h"
 

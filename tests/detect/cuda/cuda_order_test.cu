@@ -478,10 +478,10 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
   for (const bool same : {true, false}) {
     const auto floats = cloud(random, 20'000, 27, -3, same ? 0.6f : 0.4f, 0.6f);
     std::vector<Sphere> doubles;
-    const double middle[3] = {64.25, -32.5, 7};
+    const double origin[3] = {64.25, -32.5, 7};
     for (const float4& s : floats)
       doubles.push_back(
-          {middle[0] + s.x * (1 + 0x1p-30), middle[1] + s.y, middle[2] + s.z * (1 - 0x1p-30), s.w});
+          {origin[0] + s.x * (1 + 0x1p-30), origin[1] + s.y, origin[2] + s.z * (1 - 0x1p-30), s.w});
     Buffer<Sphere> given(book_, "the test");
     Buffer<unsigned long long> words(book_, "the test");
     cuda_check(cudaMemcpy(given.reserve(doubles.size()), doubles.data(), 32 * doubles.size(),
@@ -500,7 +500,7 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
       source.center_stride = source.radius_stride = 4;
       source.count = static_cast<std::uint32_t>(doubles.size());
       source.wide = source.rounded = true, source.packed = packed;
-      std::ranges::copy(middle, source.middle);
+      std::ranges::copy(origin, source.origin);
       if (known) source.radius_of_all = doubles[0].r;
       const Gather gather{head + Surveyor::kHead, nullptr, 0};
       const Ordered o = orderer.order({.source = source,
@@ -536,7 +536,7 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
           ASSERT_TRUE(spheres[p].x == d.x && spheres[p].y == d.y && spheres[p].z == d.z &&
                       spheres[p].r == d.r);
         }
-        ASSERT_EQ(slots[p].x, static_cast<float>(d.x - middle[0]));
+        ASSERT_EQ(slots[p].x, static_cast<float>(d.x - origin[0]));
       }
     }
   }

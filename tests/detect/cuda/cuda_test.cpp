@@ -176,7 +176,7 @@ TEST_F(CudaTest, WhatWasDetectedBeforeDoesNotMatter) {
   }
 }
 
-// So does one whose doubles travel, of which floats are made relative to the middle of the scene.
+// So does one whose doubles travel, of which floats are made relative to an origin near the scene.
 TEST_F(CudaTest, DoublesThatTravelDoNotMatter) {
   for (const char* name : {"dense", "poly100"})
     for (const double from : {-20.0, 1e7}) {
