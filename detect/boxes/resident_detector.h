@@ -91,8 +91,8 @@ class ResidentDetector {
   // part 0, then those of part 1, and so on; a rank gives its own part alone, and those of rank 0 come first.
   // Each part has below 2^32 - 1 spheres; all are in float or all in double. Which spheres a part holds is
   // the caller's choice, but those outside of region(k) travel, and the part is copied if they are more than
-  // an eighth; else it is read where it lies. Loose spheres have no worlds here. The call waits for work that
-  // was given to the default streams of the GPUs before.
+  // an eighth; else it is read where it lies. The call waits for work that was given to the default streams
+  // of the GPUs before.
   const ResidentReport& detect(std::span<const Spheres> parts);
 
   // The same for a scene with bodies. `bodies` has no loose spheres, and parts may be empty. Every GPU knows

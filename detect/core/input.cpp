@@ -42,15 +42,17 @@ Body body_at(const Input& input, std::size_t k) {
   return body;
 }
 
-bool has_worlds(const BodyTally& bodies, const Spheres& s) {
-  if (bodies.apart || (s.count && s.world && s.memory == Memory::device)) return true;
+bool has_worlds(const BodyTally& bodies, const Input& input) {
   std::uint32_t one = bodies.world;
   const auto is_another = [&](std::uint32_t world) {
     if (one == kEveryWorld) one = world;
     return !worlds_meet(one, world);
   };
-  if (!s.world) return s.count && is_another(s.world_of_all);
-  return std::any_of(s.world, s.world + s.count, is_another);
+  const auto has_another = [&](const Spheres& s) {
+    if (s.count == 0 || !s.world) return s.count > 0 && is_another(s.world_of_all);
+    return s.memory == Memory::device || std::any_of(s.world, s.world + s.count, is_another);
+  };
+  return bodies.apart || has_another(input.spheres) || (input.around && has_another(input.around->spheres));
 }
 
 }  // namespace padder::detect

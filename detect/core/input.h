@@ -100,12 +100,7 @@ inline Filter filter_of(const Body& body, std::uint32_t k) {
   return {body.family, body.mask, owner_of(k, body.is_static)};
 }
 
-// May there be worlds other than world 0?
-inline bool loose_have_worlds(const Input& input) {
-  return input.spheres.count > 0 && (input.spheres.world || input.spheres.world_of_all != 0);
-}
 // Do worlds keep anything apart: are there two besides kEveryWorld? True of an array on a device, unread.
-bool has_worlds(const BodyTally& bodies, const Spheres& loose);
-inline bool has_worlds(const Input& input) { return has_worlds(tally_of(input), input.spheres); }
+bool has_worlds(const BodyTally& bodies, const Input& input);
 
 }  // namespace padder::detect

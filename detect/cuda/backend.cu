@@ -37,7 +37,7 @@ class Work {
     };
     const bool known = bodies_.knows(input) && (judged || options.bodies == Bodies::first) && goes_first();
     read_facts(input);
-    const bool worlds = grid && has_worlds(facts_.tally, input.spheres);
+    const bool worlds = grid && has_worlds(facts_.tally, input);
     // In any order, further calls of a revision keep to what its first call found.
     if (options.bodies == Bodies::automatic && grid && !known && !worlds &&
         !(judged && options.order == Order::any))

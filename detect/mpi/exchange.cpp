@@ -24,6 +24,7 @@ void each_array(const LoadForm& form, BoxLoad& a, BoxLoad& b, const Use& use) {
   if (form.has_family) use(a.family, b.family, 1, loose);
   if (form.has_mask) use(a.mask, b.mask, 1, loose);
   if (form.has_static) use(a.is_static, b.is_static, 1, loose);
+  if (form.has_world) use(a.world, b.world, 1, loose);
   use(a.bodies, b.bodies, 1, bodies);
   use(a.body_ids, b.body_ids, 1, bodies);
 }
@@ -57,12 +58,15 @@ LoadRoom Exchange::room() const {
 // Gives a load the arrays that the form asks for: a rank without families, say, has 0 for all.
 void Exchange::complete(BoxLoad& load) const {
   const std::uint64_t first = load.room.loose_before, size = first + load.loose + load.room.loose_behind;
-  const auto zeros = [&](bool wanted, bool& has, auto& array) {
-    if (wanted && !has) std::fill_n(array.at_least(size) + first, load.loose, 0);
+  const auto fill = [&](bool wanted, bool& has, auto& array, auto value) {
+    if (wanted && !has) std::fill_n(array.at_least(size) + first, load.loose, value);
     has = wanted;
   };
-  zeros(form_.has_family, load.has_family, load.family), zeros(form_.has_mask, load.has_mask, load.mask);
-  zeros(form_.has_static, load.has_static, load.is_static);
+  fill(form_.has_family, load.has_family, load.family, 0u),
+      fill(form_.has_mask, load.has_mask, load.mask, 0u);
+  fill(form_.has_static, load.has_static, load.is_static, std::uint8_t(0));
+  fill(form_.has_world, load.has_world, load.world, load.world_of_all);
+  load.world_of_all = form_.world_of_all;
   if (form_.scalar == Scalar::f64 && load.scalar == Scalar::f32)
     std::copy_n(load.single.data() + 4 * first, 4 * load.loose, load.twice.at_least(4 * size) + 4 * first);
   load.scalar = form_.scalar;

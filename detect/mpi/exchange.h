@@ -14,7 +14,8 @@ namespace padder::detect {
 // What the loads of a scene have in common on all ranks.
 struct LoadForm {
   Scalar scalar = Scalar::f32;
-  bool has_family = false, has_mask = false, has_static = false;
+  bool has_family = false, has_mask = false, has_static = false, has_world = false;
+  std::uint32_t world_of_all = 0;  // unless `has_world`
 };
 
 // How much of each kind a load has.

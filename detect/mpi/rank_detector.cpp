@@ -109,9 +109,6 @@ class RankDetector::Work {
 Input RankDetector::Work::read(const Input& part) {
   check_boxed_options(options_), check_options(options_);
   check_boxed_input(part);
-  if (part.spheres.count && (part.spheres.world || part.spheres.world_of_all != 0))
-    throw Error(
-        "several ranks do not send the worlds of loose spheres: give them as bodies, or use one rank");
   return bodies_.settle(part);
 }
 
@@ -130,18 +127,27 @@ Numbering RankDetector::Work::number(const Input& part) {
 LoadForm RankDetector::Work::agree(const Input& part, Assignment& assignment) {
   const Spheres& s = part.spheres;
   const std::uint64_t sum = checksum_of(part.shapes);
-  Count flags[6] = {s.count && s.scalar == Scalar::f64,
+  const Count world = s.world_of_all;
+  Count flags[9] = {s.count && s.scalar == Scalar::f64,
                     s.count && s.family,
                     s.count && s.mask,
                     s.count && s.is_static,
+                    s.count && s.world,
+                    s.count ? world : 0,  // the largest and the least of the ranks that have spheres
+                    s.count ? ~world : 0,
                     sum,
                     ~sum};
-  MPI_Allreduce(MPI_IN_PLACE, flags, 6, MPI_UNSIGNED_LONG_LONG, MPI_MAX, ranks_);
-  if (flags[4] != ~flags[5]) throw Error("the ranks were given different shapes: give all of them the same");
+  MPI_Allreduce(MPI_IN_PLACE, flags, 9, MPI_UNSIGNED_LONG_LONG, MPI_MAX, ranks_);
+  if (flags[7] != ~flags[8]) throw Error("the ranks were given different shapes: give all of them the same");
   double radius = assignment.largest_radius();
   MPI_Allreduce(MPI_IN_PLACE, &radius, 1, MPI_DOUBLE, MPI_MAX, ranks_);
   assignment.raise_largest_radius(radius);
-  return {flags[0] ? Scalar::f64 : Scalar::f32, flags[1] != 0, flags[2] != 0, flags[3] != 0};
+  return {flags[0] ? Scalar::f64 : Scalar::f32,
+          flags[1] != 0,
+          flags[2] != 0,
+          flags[3] != 0,
+          flags[4] != 0 || flags[5] != ~flags[6],
+          static_cast<std::uint32_t>(flags[5])};
 }
 
 // Counts the spheres of each box, and cuts anew when there is no cut yet or the work has become uneven.
@@ -291,7 +297,7 @@ Input part_of(const Input& input, int rank, int ranks) {
   const std::uint64_t bytes = s.scalar == Scalar::f32 ? 4 : 8;
   if (s.centers) s.centers = static_cast<const char*>(s.centers) + loose.first * s.center_stride * bytes;
   if (s.radii) s.radii = static_cast<const char*>(s.radii) + loose.first * s.radius_stride * bytes;
-  skip(s.family), skip(s.mask), skip(s.is_static);
+  skip(s.family), skip(s.mask), skip(s.is_static), skip(s.world);
   return part;
 }
 

@@ -360,7 +360,7 @@ class OmpBackend final : public Backend {
     if (!input.spheres.world) world_of_loose = input.spheres.world_of_all;
     const bool same_worlds = known && world_of_loose && world_of_loose == world_of_loose_;
     world_of_loose_ = world_of_loose;
-    if (!same_worlds && options.path == Path::grid && has_worlds(tally_, input.spheres)) {
+    if (!same_worlds && options.path == Path::grid && has_worlds(tally_, input)) {
       choose_threads(options, n);
       kept_->bodies.forget();
       return search_worlds(input, options, n);
@@ -375,8 +375,7 @@ class OmpBackend final : public Backend {
         return delivered(c, n, options);
     }
     kept_->bodies.forget();
-    if (!input.bodies.empty())
-      return run(place(input, has_worlds(tally_, input.spheres)), input, options, arrays);
+    if (!input.bodies.empty()) return run(place(input, has_worlds(tally_, input)), input, options, arrays);
     if (s.scalar == Scalar::f32) return run(view<float>(s), input, options, arrays);
     return run(view<double>(s), input, options, arrays);
   }

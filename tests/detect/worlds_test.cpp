@@ -91,14 +91,27 @@ TEST_P(Worlds, OneWorldWithWhatIsInEveryWorldIsSearchedAsOne) {
   TestBodies w = random_worlds(7, 1, 60, 500);
   for (Body& b : w.bodies) b.world = b.world == 0 ? 7 : b.world;
   for (std::uint32_t& world : w.world) world = world == 0 ? 7 : world;
-  EXPECT_FALSE(has_worlds(w.input()));
+  const auto apart = [](const Input& input) { return has_worlds(tally_of(input), input); };
+  EXPECT_FALSE(apart(w.input()));
   Detector detector(device_);
   EXPECT_EQ(sorted(detector.detect(w.input()).pair_span()), oracle(w.input(), {}));
   w.world[3] = 8;
-  EXPECT_TRUE(has_worlds(w.input()));
+  EXPECT_TRUE(apart(w.input()));
   Input loose = w.input();
   loose.bodies = {}, loose.spheres.count = 3;
-  EXPECT_FALSE(has_worlds(loose));
+  EXPECT_FALSE(apart(loose));
+}
+
+// A revision is of bodies: the loose spheres may be of other worlds in each call, in an array or all of one.
+TEST_P(Worlds, LooseSpheresMayBeOfOtherWorldsInEachCall) {
+  const TestBodies w = random_worlds(9, 3, 60, 500);
+  Detector detector(device_);
+  for (const std::uint32_t one : {3u, 1u, 3u, kEveryWorld - 1, 2u, kEveryWorld}) {  // 3: those of the array
+    Input input = w.input();
+    input.revision = 1;
+    if (one != 3) input.spheres.world = nullptr, input.spheres.world_of_all = one;
+    EXPECT_EQ(sorted(detector.detect(input).pair_span()), oracle(input, {})) << one;
+  }
 }
 
 // Of a few bodies and loose spheres, in one, two or all worlds: what a pass over them tells is what a look at
@@ -129,7 +142,7 @@ TEST(BodyTally, IsWhatALookAtEachPairTells) {
     input.spheres.count = world_of.size(), input.spheres.world = world_of.data();
     const BodyTally tally = tally_of(input);
     EXPECT_EQ(sphere_count(input), count);
-    EXPECT_EQ(has_worlds(input), apart);
+    EXPECT_EQ(has_worlds(tally, input), apart);
     EXPECT_EQ(tally.have_worlds, have_worlds);
     EXPECT_TRUE(std::ranges::equal(tally.of_shape, of_shape));
     EXPECT_TRUE(std::ranges::equal(tally.moving_of_shape, moving_of_shape));

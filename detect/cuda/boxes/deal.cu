@@ -33,7 +33,8 @@ struct Source {
   std::uint32_t center_stride, radius_stride;
   bool packed;  // x, y, z, r of a sphere lie together and may be read at once
   std::uint64_t count;
-  const std::uint32_t *family, *mask;
+  const std::uint32_t *family, *mask, *world;
+  std::uint32_t world_of_all;
   const std::uint8_t* is_static;
 
   explicit Source(const Spheres& s)
@@ -45,6 +46,8 @@ struct Source {
         count(s.count),
         family(s.family),
         mask(s.mask),
+        world(s.world),
+        world_of_all(s.world_of_all),
         is_static(s.is_static) {}
 
   __device__ void read(std::uint64_t k, T (&v)[4]) const {
@@ -63,6 +66,7 @@ struct Source {
     if (to.ids) to.ids[place] = id;
     if (to.family) to.family[place] = family ? family[k] : 0;
     if (to.mask) to.mask[place] = mask ? mask[k] : 0;
+    if (to.world) to.world[place] = world ? world[k] : world_of_all;
     if (to.is_static) to.is_static[place] = is_static ? is_static[k] : 0;
   }
 };

@@ -33,7 +33,7 @@ struct HaloWidth {
 struct DealTarget {
   void* spheres = nullptr;  // x, y, z, r
   std::uint64_t* ids = nullptr;
-  std::uint32_t *family = nullptr, *mask = nullptr;
+  std::uint32_t *family = nullptr, *mask = nullptr, *world = nullptr;
   std::uint8_t* is_static = nullptr;
 };
 

@@ -82,12 +82,9 @@ std::vector<cuda::Given> ResidentDetector::Work::check(std::span<const Spheres> 
     Input input;
     input.spheres = s;
     check_input(input, true);
-    if (loose_have_worlds(input))
-      throw Error(
-          "loose spheres that stay on several GPUs have no worlds: give them as bodies, or use one Detector");
     cuda::Given g{s.count, bodies_.bodies.size(), body_spheres_, 0, !poses.empty(), {}};
     if (!poses.empty()) g.poses = poses[given.size()].count;
-    if (s.count) g.form = {s.scalar, s.family != nullptr, s.mask != nullptr, s.is_static != nullptr};
+    if (s.count) g.form = cuda::Form::of(s);
     given.push_back(g);
   }
   return given;
@@ -130,7 +127,8 @@ void ResidentDetector::Work::agree(const std::vector<cuda::Given>& given) {
     if (g.spheres == 0) continue;
     if (any && g.form.scalar != form_.scalar)
       throw Error("the parts of a scene must be all in float or all in double");
-    form_.scalar = g.form.scalar, any = true;
+    form_.world |= g.form.world || (any && g.form.world_of_all != form_.world_of_all);
+    form_.scalar = g.form.scalar, form_.world_of_all = g.form.world_of_all, any = true;
     form_.family |= g.form.family, form_.mask |= g.form.mask, form_.is_static |= g.form.is_static;
   }
   report_.spheres = body_spheres_ + first;

@@ -56,7 +56,7 @@ void ResidentDetector::Work::let_poses_stay(std::span<const ResidentPoses> poses
 
 // Does every GPU search the balls of its bodies first? Else it needs the poses of all.
 bool ResidentDetector::Work::goes_bodies_first() const {
-  return options_.path == Path::grid && !have_worlds_ &&
+  return options_.path == Path::grid && !have_worlds_ && !form_.world && form_.world_of_all == 0 &&
          (options_.bodies == Bodies::first || (options_.bodies == Bodies::automatic && bodies_first_));
 }
 
@@ -102,7 +102,8 @@ void ResidentDetector::Work::bring_from_ranks(const ResidentPoses& poses) {
 // Brings the part into the form in which it is read fastest, more than once.
 void ResidentDetector::Work::pack(Place& p) const {
   const Spheres& s = p.part;
-  const cuda::Form form{s.scalar, s.family != nullptr, s.mask != nullptr, s.is_static != nullptr, false};
+  cuda::Form form = cuda::Form::of(s);
+  form.ids = false;
   p.packed->reserve(s.count, form);
   p.dealer->pack(s, p.packed->from(0, form), p.stream);
   p.part = p.packed->view(s.count, form);

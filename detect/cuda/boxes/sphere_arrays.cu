@@ -43,6 +43,7 @@ __global__ void __launch_bounds__(kThreads)
   if (to.ids) to.ids[at] = from.ids[k];
   if (to.family) to.family[at] = from.family[k];
   if (to.mask) to.mask[at] = from.mask[k];
+  if (to.world) to.world[at] = from.world[k];
   if (to.is_static) to.is_static[at] = from.is_static[k];
 }
 
@@ -88,7 +89,8 @@ Spheres Upload::run(const Spheres& s, cudaStream_t stream) {
   const std::uint64_t at_centers = place(together ? centers + real : centers),
                       at_radii = together ? at_centers + 3 * real : place(radii),
                       at_family = place(s.family ? 4 * s.count : 0),
-                      at_mask = place(s.mask ? 4 * s.count : 0), at_static = place(s.is_static ? s.count : 0);
+                      at_mask = place(s.mask ? 4 * s.count : 0), at_world = place(s.world ? 4 * s.count : 0),
+                      at_static = place(s.is_static ? s.count : 0);
   char* const to = bytes_.reserve(size);
   const auto copy = [&](std::uint64_t at, const void* from, std::uint64_t bytes) {
     if (from) host_.run(to + at, from, bytes, "copy spheres to the GPU", stream);
@@ -96,11 +98,12 @@ Spheres Upload::run(const Spheres& s, cudaStream_t stream) {
   copy(at_centers, c, together ? centers + real : centers);
   if (!together) copy(at_radii, r, radii);
   copy(at_family, s.family, 4 * s.count), copy(at_mask, s.mask, 4 * s.count),
-      copy(at_static, s.is_static, s.count);
+      copy(at_world, s.world, 4 * s.count), copy(at_static, s.is_static, s.count);
   Spheres there = s;
   there.memory = Memory::device, there.centers = to + at_centers, there.radii = to + at_radii;
   if (s.family) there.family = reinterpret_cast<const std::uint32_t*>(to + at_family);
   if (s.mask) there.mask = reinterpret_cast<const std::uint32_t*>(to + at_mask);
+  if (s.world) there.world = reinterpret_cast<const std::uint32_t*>(to + at_world);
   if (s.is_static) there.is_static = reinterpret_cast<const std::uint8_t*>(to + at_static);
   return there;
 }

@@ -14,10 +14,15 @@ namespace padder::detect::cuda {
 // Which arrays the spheres of a scene have. A part without families, say, has 0 for all.
 struct Form {
   Scalar scalar = Scalar::f32;
-  bool family = false, mask = false, is_static = false, ids = true;
+  bool family = false, mask = false, is_static = false, world = false, ids = true;
+  std::uint32_t world_of_all = 0;  // without an array
+  static Form of(const Spheres& s) {
+    return {s.scalar, s.family != nullptr, s.mask != nullptr, s.is_static != nullptr, s.world != nullptr,
+            true,     s.world_of_all};
+  }
   std::uint64_t bytes_of_one() const {
     return (scalar == Scalar::f32 ? 16u : 32u) + 8u + (family ? 4u : 0u) + (mask ? 4u : 0u) +
-           (is_static ? 1u : 0u);
+           (world ? 4u : 0u) + (is_static ? 1u : 0u);
   }
 };
 
@@ -29,6 +34,7 @@ class SphereArrays {
         ids_(book, "the numbers of the spheres", pinned),
         family_(book, "the families", pinned),
         mask_(book, "the masks", pinned),
+        world_(book, "the worlds", pinned),
         is_static_(book, "the marks of static spheres", pinned) {}
 
   void reserve(std::uint64_t count, const Form& form) {
@@ -36,12 +42,17 @@ class SphereArrays {
     if (form.ids) ids_.reserve(count);
     if (form.family) family_.reserve(count);
     if (form.mask) mask_.reserve(count);
+    if (form.world) world_.reserve(count);
     if (form.is_static) is_static_.reserve(count);
   }
   DealTarget from(std::uint64_t first, const Form& form) const {
+    const auto in = [first](bool there, const auto& array) { return there ? array.data() + first : nullptr; };
     return {spheres_.data() + first * (form.scalar == Scalar::f32 ? 16 : 32),
-            form.ids ? ids_.data() + first : nullptr, form.family ? family_.data() + first : nullptr,
-            form.mask ? mask_.data() + first : nullptr, form.is_static ? is_static_.data() + first : nullptr};
+            in(form.ids, ids_),
+            in(form.family, family_),
+            in(form.mask, mask_),
+            in(form.world, world_),
+            in(form.is_static, is_static_)};
   }
   Spheres view(std::uint64_t count, const Form& form) const {
     const DealTarget at = from(0, form);
@@ -50,13 +61,14 @@ class SphereArrays {
     s.centers = at.spheres, s.radii = static_cast<char*>(at.spheres) + (form.scalar == Scalar::f32 ? 12 : 24);
     s.center_stride = s.radius_stride = 4;
     s.family = at.family, s.mask = at.mask, s.is_static = at.is_static;
+    s.world = at.world, s.world_of_all = form.world_of_all;
     return s;
   }
 
  private:
   Buffer<char> spheres_;
   Buffer<std::uint64_t> ids_;
-  Buffer<std::uint32_t> family_, mask_;
+  Buffer<std::uint32_t> family_, mask_, world_;
   Buffer<std::uint8_t> is_static_;
 };
 
@@ -65,12 +77,13 @@ struct SphereArray {
   char* at;
   std::uint64_t bytes_of_one;
 };
-inline std::array<SphereArray, 5> arrays_of(const DealTarget& t, Scalar scalar) {
+inline std::array<SphereArray, 6> arrays_of(const DealTarget& t, Scalar scalar) {
   const auto as_bytes = [](auto* at) { return reinterpret_cast<char*>(at); };
   return {{{static_cast<char*>(t.spheres), scalar == Scalar::f32 ? 16u : 32u},
            {as_bytes(t.ids), sizeof *t.ids},
            {as_bytes(t.family), sizeof *t.family},
            {as_bytes(t.mask), sizeof *t.mask},
+           {as_bytes(t.world), sizeof *t.world},
            {as_bytes(t.is_static), sizeof *t.is_static}}};
 }
 

@@ -35,7 +35,7 @@ struct DeviceSpheres {
   // GPUs and lie here, in the order of their numbers: x, y, z, r together, aligned to 16 bytes.
   struct Around {
     const void* spheres = nullptr;
-    const std::uint32_t *family = nullptr, *mask = nullptr;
+    const std::uint32_t *family = nullptr, *mask = nullptr, *world = nullptr;
     const std::uint8_t* is_static = nullptr;
     friend bool operator==(const Around&, const Around&) = default;
   } around;
@@ -126,7 +126,9 @@ struct DeviceSpheres {
   }
   __device__ __forceinline__ std::uint32_t world_of(std::uint32_t k) const {
     if (k < placed) return bodies[body_of[k]].world;
-    return world ? world[k - placed] : world_of_all;
+    k -= placed;
+    if (!is_own(k)) return around.world ? around.world[in_around(k)] : world_of_all;
+    return world ? world[k - before] : world_of_all;
   }
   __device__ __forceinline__ Filter filter(std::uint32_t k) const {
     if (k < placed) {

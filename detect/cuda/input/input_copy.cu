@@ -90,7 +90,7 @@ void InputCopy::copy_loose(const Spheres& spheres, DeviceSpheres& s, cudaStream_
 
 void InputCopy::take_around(const Input& input, DeviceSpheres& s) {
   const Spheres& others = input.around->spheres;
-  s.around = {others.centers, others.family, others.mask, others.is_static};
+  s.around = {others.centers, others.family, others.mask, others.world, others.is_static};
   s.before = static_cast<std::uint32_t>(input.around->before);
   s.own = static_cast<std::uint32_t>(input.spheres.count);
 }

@@ -217,8 +217,10 @@ bool WorldInput::read(const Input& input, const Wanted& wanted, cudaStream_t str
   const Spheres& s = input.spheres;
   const std::uint64_t loose = loose_count(input);
   const bool known = knows(input);
+  std::optional<std::uint32_t> world_of_loose;
+  if (!s.world && !(input.around && input.around->spheres.world)) world_of_loose = s.world_of_all;
   const bool same_order =
-      known && loose == known_loose_ && !s.world && s.world_of_all == known_world_of_loose_;
+      known && loose == known_loose_ && world_of_loose && world_of_loose == known_world_of_loose_;
   revision_ = 0;  // until keep()
   if (known)
     scene_.view.in_place = posed_.move_in_place(input, stream);
@@ -227,7 +229,7 @@ bool WorldInput::read(const Input& input, const Wanted& wanted, cudaStream_t str
   if (worlds_of_bodies_ > wanted.worlds)
     throw Error(world_sentence(false, last_world_body_, worlds_of_bodies_ - 1, wanted.worlds));
   known_bodies_ = input.bodies.size(), known_loose_ = loose;
-  known_world_of_loose_ = s.world ? ~0u - 1 : s.world_of_all;
+  known_world_of_loose_ = world_of_loose;
   Input only;
   only.spheres = s, only.around = input.around;
   scene_.loose = copy_.source(only, stream);

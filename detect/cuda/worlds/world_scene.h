@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // A scene of many worlds as its kernels read it, and the memory that holds it. Only .cu files include this.
 #pragma once
+#include <optional>
+
 #include "detect/core/world_tree.h"
 #include "detect/cuda/bodies/body_arrays.h"
 #include "detect/cuda/input/input_copy.h"
@@ -92,10 +94,10 @@ class WorldInput {
 
   WorldScene scene_;
   std::uint64_t revision_ = 0, known_bodies_ = 0, known_loose_ = 0;
-  std::uint32_t known_world_of_loose_ = 0;
-  WorldReport found_{};                 // of the order
-  std::uint32_t worlds_of_bodies_ = 0;  // the least number of worlds that has all of theirs
-  std::size_t last_world_body_ = 0;     // one of the last of these worlds
+  std::optional<std::uint32_t> known_world_of_loose_;  // none: they have several
+  WorldReport found_{};                                // of the order
+  std::uint32_t worlds_of_bodies_ = 0;                 // the least number of worlds that has all of theirs
+  std::size_t last_world_body_ = 0;                    // one of the last of these worlds
   std::vector<Element> host_elements_;
   Pieces host_pieces_;
   InputCopy copy_;

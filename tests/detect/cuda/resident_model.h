@@ -49,7 +49,6 @@ class Resident : public BoxesUnderTest {
   bool takes(Fault f) const override {
     return f != Fault::pointer && f != Fault::too_many && f != Fault::stride && f != Fault::device_memory;
   }
-  bool may_refuse(const Input& input, const Call&) const override { return input.spheres.world; }
   std::string told() const override { return std::to_string(devices_.size()) + " parts"; }
 
  private:
@@ -84,7 +83,10 @@ class Resident : public BoxesUnderTest {
       if (s.family) part.family = placed(s.family + first, count);
       if (s.mask) part.mask = placed(s.mask + first, count);
       if (s.is_static) part.is_static = placed(s.is_static + first, count);
-      if (s.world) part.world = s.world + first;
+      if (s.world) {
+        part.world = s.world + first, name_one_world(part);
+        part.world = placed(part.world, count);
+      }
       parts.push_back(part), first += count;
     }
     return parts;

@@ -4,9 +4,11 @@
 // the boxes and the revision; a faulty call throws a sentence that names what is at fault, and the next call
 // is right. Environment, as in detector_model_test.cpp: PADDER_MODEL_SEED, PADDER_MODEL_SEQUENCES.
 #pragma once
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "padding/asset/error.h"
 #include "tests/detect/model/checks.h"
@@ -20,6 +22,14 @@ struct BoxesFound {
   std::vector<Pair> pairs;
   std::optional<Lists> lists;  // with normals and points, where they are at hand
 };
+
+// Gives a part whose spheres are all of one world no array of worlds.
+inline void name_one_world(Spheres& part) {
+  const std::span<const std::uint32_t> worlds(part.world, part.world ? part.count : 0);
+  if (worlds.empty() || std::ranges::find_if(worlds, [&](auto w) { return w != worlds[0]; }) != worlds.end())
+    return;
+  part.world = nullptr, part.world_of_all = worlds[0];
+}
 
 // The detector of a sequence.
 class BoxesUnderTest {

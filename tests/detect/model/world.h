@@ -198,6 +198,7 @@ struct ModelWorld {
     fill(world, 0.2, [&] {
       return dice.chance(every) ? kEveryWorld : static_cast<std::uint32_t>(dice.below(worlds)) * step;
     });
+    if (dice.chance(0.3)) std::sort(world.begin(), world.end());
     const double share = dice.of({0.0, 0.2, 0.8, 1.0});
     fill(still, 0.3, [&] { return static_cast<std::uint8_t>(dice.chance(share)); });
     tell("attributes");

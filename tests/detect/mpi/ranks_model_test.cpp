@@ -30,7 +30,6 @@ class OnRanks final : public BoxesUnderTest {
   }
   // No part of an input without pointers, or of so many spheres.
   bool takes(Fault f) const override { return f != Fault::pointer && f != Fault::too_many; }
-  bool may_refuse(const Input& input, const Call&) const override { return ranks > 1 && input.spheres.world; }
   bool is_wrong(bool here) const override { return on_any_rank(here); }
   std::string told() const override {
     return "rank " + std::to_string(my_rank) + " of " + std::to_string(ranks);
@@ -50,6 +49,7 @@ class OnRanks final : public BoxesUnderTest {
       if (k >= bodies.first && (k < bodies.end || my_rank + 1 == ranks))
         moved_.push_back(k - static_cast<std::uint32_t>(bodies.first));
     part.moved = moved_;
+    name_one_world(part.spheres);
     return part;
   }
   RankDetector detector_;
