@@ -41,6 +41,13 @@ PADDER_HD bool meets(const Bounds& b, const Region& r) {
   return meets;
 }
 
+// Do they meet no other region?
+PADDER_HD bool lies_within(const Bounds& b, const Region& r) {
+  bool within = true;
+  for (int a = 0; a < 3; a++) within &= b.low[a] >= r.low[a] && b.high[a] < r.high[a];
+  return within;
+}
+
 // The boxes and the planes that separate them. A default one has a single box, which is all of space.
 // Copying costs memory for every box; all other functions are safe to call from several threads.
 class BoxTree {

@@ -219,7 +219,7 @@ class Work {
       if (worlds_.run(call, automatic ? allowance(true) : WorldAllowance{}, c)) return false;
       gave_up_ = input.revision;
     }
-    if (WorldsApart::takes(call) && worlds_apart_.run(read(call), call, c)) return worlds_apart_.matched();
+    if (worlds_apart_.run(read(call), call, c)) return worlds_apart_.matched();
     worlds_seen_ = true;
     worlds_.run(call, {}, c);
     return false;
@@ -240,7 +240,7 @@ class Work {
     // The tree alone looks at the world of a body that has no spheres.
     const bool some_empty = std::any_of(call.input.shapes.begin(), call.input.shapes.end(),
                                         [](const Shape& s) { return s.count == 0; });
-    if (some_empty || !WorldsApart::takes(call)) return false;
+    if (some_empty) return false;
     Contacts c;
     try {
       const DeviceSpheres source = read(call);

@@ -71,13 +71,6 @@ struct Source {
   }
 };
 
-// Does the halo lie within the box? Then it meets no other.
-__device__ bool lies_within(const Bounds& halo, const Region& box) {
-  bool within = true;
-  for (int a = 0; a < 3; a++) within &= halo.low[a] >= box.low[a] && halo.high[a] < box.high[a];
-  return within;
-}
-
 // A cheap test in the input's own arithmetic for nearly all spheres: is the sphere without fault, and its
 // halo (halo.h) in the own box for sure? The slack of 2^-20 (float) or 2^-40 (double) of the lengths covers
 // the halo's 2^-46, and the roundings here and that of a face, which are 2^-24 or 2^-53 each; `least`

@@ -24,7 +24,7 @@ double extent_of(const Summary& s) {
   return s.extent > 0 ? std::ldexp(1, exponent) : 0;
 }
 
-SearchOptions search_options(const CallOptions& options, const Summary& summary) {
+SearchOptions search_options(const CallOptions& options, const Summary& summary, bool apart) {
   SearchOptions s;
   s.exact = options.precision == Precision::exact || options.margin > 0;
   // With a history, contacts have slots of their own even in any order: then they stay near their place.
@@ -32,7 +32,8 @@ SearchOptions search_options(const CallOptions& options, const Summary& summary)
   s.defers = true;
   s.own = options.own, s.radius = summary.radius_max, s.margin = options.margin;
   s.owns_all = options.own == Region{};
-  if (!s.owns_all) s.owner_band = owner_band(extent_of(summary), summary.radius_max, options.margin);
+  // Where worlds lie side by side, slots do not tell where a midpoint is.
+  s.owner_band = apart ? INFINITY : owner_band(extent_of(summary), summary.radius_max, options.margin);
   return s;
 }
 
@@ -191,7 +192,7 @@ void SphereSearch::set_growth(const CallOptions& options) {
 void SphereSearch::make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary) {
   plan_ = {};
   plan_.source = source, plan_.grid = grid_;
-  plan_.search = search_options(call.options, summary);
+  plan_.search = search_options(call.options, summary, source.worlds_apart);
   if (plan_.search.stable_order) plan_.search.quota = quota_;
   plan_.search.long_rows = long_rows_;
   plan_.rounded = rounded_ && may_round(source, summary, call.options.margin);

@@ -15,7 +15,7 @@ struct SearchOptions {
   SlotQuota quota;  // quota_for() the list, for a stable order
   Region own;       // contacts whose midpoint lies elsewhere are left out, unless owns_all
   bool owns_all = true;
-  double owner_band = 0;  // owner_band() of the spheres, unless owns_all
+  double owner_band = 0;  // owner_band() of the spheres; infinite: by slots nobody knows
   double radius = 0;      // of all spheres, for SlotKind::equal
   double margin = 0;      // CallOptions::margin; Level::grown_by is half of it or more
   // Long rows go to a list (long_rows.h) with room for so many parts. Where they are more, the caller makes

@@ -5,6 +5,7 @@
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_select.cuh>
 
+#include "detect/boxes/halo.h"
 #include "detect/cuda/device/exclusive_sum.h"
 #include "detect/cuda/output/output.h"
 #include "detect/cuda/worlds/curve.h"
@@ -22,16 +23,23 @@ struct NumberedSphere {
   __device__ Sphere operator()(std::uint32_t k) const { return source.sphere(numbers[k]); }
 };
 
-// Calls found(number, sphere) for each sphere of kEveryWorld that touches sphere k of another world.
+// Calls found(pair, sphere, sphere) for each contact of sphere k, of another world, with one of kEveryWorld.
 template <class Found>
 __device__ void find(const EveryWorldTask& task, std::uint32_t k, Found found) {
   if (task.source.world[k] == kEveryWorld) return;
   const Sphere s = task.source.sphere(k);
   const Filter filter = task.source.filter(k);
+  const detect::Bounds halo = halo_of(s, task.radius_max, task.margin);
+  if (!meets(halo, task.own)) return;
+  const bool owns_contacts = lies_within(halo, task.own);
   const TreeBox box = box_of(s, task.margin);
   task.tree.visit(box, 0, task.every, [&](std::uint32_t e) {
     const Sphere other = task.spheres[e];
-    if (touching(s, other, task.margin) && admitted(filter, task.filters[e])) found(task.numbers[e], other);
+    if (!touching(s, other, task.margin) || !admitted(filter, task.filters[e])) return true;
+    const std::uint32_t number = task.numbers[e];
+    const Sphere &first = k < number ? s : other, &second = k < number ? other : s;
+    if (owns_contacts || owns(task.own, midpoint(first, second)))
+      found(Pair{min(k, number), max(k, number)}, first, second);
     return true;
   });
 }
@@ -51,7 +59,7 @@ void build_tree(const WideTree& tree, const Sphere* spheres, std::uint32_t every
 void count_contacts(const EveryWorldTask& task, cudaStream_t stream) {
   each(task.source.count, stream, "count contacts with every world", [=] __device__(std::uint64_t k) {
     std::uint32_t n = 0;
-    find(task, static_cast<std::uint32_t>(k), [&](std::uint32_t, const Sphere&) { n++; });
+    find(task, static_cast<std::uint32_t>(k), [&](const Pair&, const Sphere&, const Sphere&) { n++; });
     task.counts[k] = n;
   });
 }
@@ -59,12 +67,10 @@ void write_contacts(const EveryWorldTask& task, const Output& output, std::uint6
                     cudaStream_t stream) {
   each(task.source.count, stream, "write contacts with every world", [=] __device__(std::uint64_t k) {
     std::uint64_t at = first + task.offsets[k];
-    const auto me = static_cast<std::uint32_t>(k);
     if (task.offsets[k] == task.offsets[k + 1]) return;
-    const Sphere s = task.source.sphere(me);
-    find(task, me, [&](std::uint32_t number, const Sphere& other) {
-      output.pairs[at] = {min(me, number), max(me, number)};
-      put_geometry(output, at++, me < number ? s : other, me < number ? other : s);
+    find(task, static_cast<std::uint32_t>(k), [&](const Pair& pair, const Sphere& a, const Sphere& b) {
+      output.pairs[at] = pair;
+      put_geometry(output, at++, a, b);
     });
   });
 }
@@ -108,10 +114,12 @@ void EveryWorld::order(const DeviceSpheres& source, std::uint32_t every, cudaStr
   sort(nullptr), sort(scratch_.reserve(bytes));
 }
 
-void EveryWorld::count(const DeviceSpheres& source, std::uint64_t every, double margin, cudaStream_t stream) {
+void EveryWorld::count(const DeviceSpheres& source, std::uint64_t every, double radius_max,
+                       const CallOptions& options, cudaStream_t stream) {
   const auto n = static_cast<std::uint32_t>(every);
   order(source, n, stream);
-  task_.source = source, task_.margin = margin, task_.numbers = numbers_.data();
+  task_.source = source, task_.margin = options.margin, task_.numbers = numbers_.data();
+  task_.own = options.own, task_.radius_max = radius_max;
   Sphere* const spheres = spheres_.reserve(n);
   Filter* const filters = filters_.reserve(n);
   read_spheres(source, n, numbers_.data(), spheres, filters, stream);

@@ -11,6 +11,8 @@ namespace padder::detect::cuda {
 struct EveryWorldTask {
   DeviceSpheres source;  // its world: of all spheres
   double margin = 0;
+  Region own;  // contacts whose midpoint lies elsewhere are left out
+  double radius_max = 0;
   std::uint32_t every = 0;                 // spheres of kEveryWorld
   WideTree tree;                           // of these
   const Sphere* spheres = nullptr;         // in the order of the tree
@@ -24,9 +26,10 @@ class EveryWorld {
  public:
   explicit EveryWorld(MemoryBook& book);
 
-  // Enqueues the count of the contacts; `every`: how many spheres are of kEveryWorld, at least one. Throws
-  // Error.
-  void count(const DeviceSpheres& source, std::uint64_t every, double margin, cudaStream_t stream);
+  // Enqueues the count of the contacts; `every`: how many spheres are of kEveryWorld, at least one. No radius
+  // is larger than radius_max. Throws Error.
+  void count(const DeviceSpheres& source, std::uint64_t every, double radius_max, const CallOptions& options,
+             cudaStream_t stream);
   // The contacts. Waits for the device.
   std::uint64_t counted(cudaStream_t stream);
   // Enqueues the contacts, in an order that follows from the input, to the places of `output` from `first`

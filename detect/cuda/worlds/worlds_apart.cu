@@ -144,7 +144,7 @@ bool WorldsApart::lay_out(const WorldBounds& b, double margin, DeviceSpheres& so
 
 // The world of each sphere, those of bodies too. Null: all are of one world.
 const std::uint32_t* WorldsApart::all_worlds(const DeviceSpheres& source, cudaStream_t stream) {
-  if (source.placed == 0) return source.world;
+  if (source.placed == 0 && !source.around.spheres) return source.world;
   std::uint32_t* const worlds = worlds_.reserve(source.count);
   gather_worlds(source, worlds, stream);
   return worlds;
@@ -155,6 +155,7 @@ bool WorldsApart::run(const DeviceSpheres& given, const Call& call, Contacts& co
   contacts.spheres = source.count;
   if (source.count == 0) return true;
   std::uint64_t every = 0;  // that meet others in another way
+  double radius_max = 0;
   last_world_ = source.world_of_all == kEveryWorld ? 0 : source.world_of_all;
   worlds_given_ = source.world = all_worlds(source, call.stream);
   if (source.world) {
@@ -162,11 +163,11 @@ bool WorldsApart::run(const DeviceSpheres& given, const Call& call, Contacts& co
     last_world_ = b.last_world;
     if (b.sparse(source.count)) rank_worlds(source, call.stream), b = bounds(source, call.stream);
     if (b.many() && !lay_out(b, call.options.margin, source)) return false;
-    if (b.many()) every = b.every;
+    if (b.many()) every = b.every, radius_max = b.radius_max;
   }
   if (!source.worlds_apart) source.world = given.world;
   if (std::exchange(apart_, source.worlds_apart) != source.worlds_apart) search_.forget();
-  if (every) every_.count(source, every, call.options.margin, call.stream);
+  if (every) every_.count(source, every, radius_max, call.options, call.stream);
   call.clock.mark(StageClock::kPlace);
   Call plain = call;
   if (every) plain.history = nullptr;  // of a part of the list

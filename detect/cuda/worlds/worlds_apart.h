@@ -14,8 +14,6 @@ class WorldsApart {
  public:
   explicit WorldsApart(MemoryBook& book);
 
-  // Can a call be searched at all? Not one with a region, or with spheres of other GPUs.
-  static bool takes(const Call& call) { return !call.input.around && call.options.own == Region{}; }
   // All contacts into call.list; their number and that of the spheres to `contacts`. False, and nothing was
   // searched: the worlds would take so much space that float could not tell their spheres apart. Waits once
   // more for the device than without worlds, and once more each where there are spheres of kEveryWorld and
