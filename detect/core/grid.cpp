@@ -265,6 +265,20 @@ Summary expected_next(const Summary& before, const Summary& now) {
   return s;
 }
 
+Summary going_on(const Summary& before, const Summary& now) {
+  Summary s = now;
+  const auto move = [](auto& to, const auto& from) {
+    for (int k = 0; k < 3; k++) {
+      const double low = 2 * to.low[k] - from.low[k], high = 2 * to.high[k] - from.high[k];
+      if (low <= high) to.low[k] = low, to.high[k] = high;
+    }
+  };
+  move(s, before);
+  for (int o = 0; o < kOctaves; o++)
+    if (s.octave[o].count > 0 && before.octave[o].count > 0) move(s.octave[o], before.octave[o]);
+  return s;
+}
+
 bool lie_apart(const Level& a, const Level& b) {
   if (a.hashed || b.hashed) return false;
   // By a bin more, since a sphere's bin in float may be the next one (detect/cuda/order/bins.h).

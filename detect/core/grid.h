@@ -245,6 +245,8 @@ bool covers(const Grid& grid, const Summary& s);
 // Host code. What the summary of the next call may be, if the spheres go on moving as they did from `before`
 // to `now`, at up to twice the speed.
 Summary expected_next(const Summary& before, const Summary& now);
+// Host code. The same at exactly that speed.
+Summary going_on(const Summary& before, const Summary& now);
 // Host code. The bounds of a level's bins along an axis.
 inline double low_of(const Level& l, int axis) { return static_cast<double>(l.first[axis]) * l.size; }
 inline double high_of(const Level& l, int axis) {

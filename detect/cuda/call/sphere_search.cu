@@ -145,6 +145,20 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
   return good;
 }
 
+// The grid of a stable order follows from the spheres of its call alone, so the next call begins with a
+// guess: the spheres stay or, for some calls after one in which another grid was right, they go on as they
+// did since the call before. Where the guesses differ, the one that turns out to be right counts until the
+// other one does.
+void SphereSearch::guess_grid(const Call& call, const Summary& before) {
+  const Grid& now = plan_.grid;
+  const bool stayed = now == kept_, went_on = guesses_ > 0 && now == going_on_;
+  if (stayed != went_on) goes_on_ = went_on;
+  guesses_ = stayed ? std::max(guesses_ - 1, 0) : tuning::kCallsGuessed;
+  kept_ = now;
+  if (guesses_ > 0) going_on_ = best_grid(call, going_on(before, summary_), GridBounds::stepped);
+  grid_ = guesses_ > 0 && goes_on_ ? going_on_ : kept_;
+}
+
 // Would a survey lead to the same DeviceSpheres::origin? For a stable order, which must not depend on the
 // calls before: surely, since what is known is rounded. In any order it stays while it is not twice as far
 // away as it may be.
@@ -453,11 +467,17 @@ void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& 
   const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
                        plan_.search.margin == call.options.margin && planned_wide_ == source.wide;
   const Counters before = found_;
+  const Summary summary_before = summary_;
+  double origin_before[3];
+  std::ranges::copy(origin_, origin_before);
   Steps steps{*this, source, call, contacts, planned};
   speculative_.run(steps, steps.may_try());
-  if (call.options.order == Order::stable)
+  if (call.options.order == Order::stable) {
     quota_ =
         quota_for(expected_next(planned ? before : found_, found_), source.count, plan_.grid, plan_.kind);
+    const bool same_origin = planned && std::ranges::equal(origin_before, origin_);
+    guess_grid(call, same_origin ? summary_before : summary_);
+  }
   planned_for_ = source.count, planned_bin_size_ = call.options.bin_size, planned_wide_ = source.wide;
   call.clock.mark(8);
 }

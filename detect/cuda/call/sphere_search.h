@@ -101,6 +101,7 @@ class SphereSearch {
   Grid best_grid(const Call& call, const Summary& summary, GridBounds bounds) const;
   bool still_good(const Call& call, const Summary& previous);
   bool origin_stays(const Call& call) const;
+  void guess_grid(const Call& call, const Summary& before);
   void set_growth(const CallOptions& options);
   void survey_as_searched(const DeviceSpheres& source, const Call& call);
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
@@ -124,6 +125,9 @@ class SphereSearch {
   double origin_[3] = {0, 0, 0};  // of DeviceSpheres, for those
   double radius_of_all_ = 0;      // likewise
   Grid grid_;                     // that the next pass is to use
+  Grid kept_, going_on_;          // guesses for a stable order: see guess_grid()
+  bool goes_on_ = false;          // the second one was right, when the first was not
+  int guesses_ = 0;               // calls in which there is a second one
   std::uint64_t calls_ = 0;       // in any order, after which the grid could stay
   bool spread_ = false;  // levels are hashed, because spheres are too crowded in some part of a dense level
   int crowding_ = 0;     // OrderRequest::crowding that the spheres asked for

@@ -602,6 +602,28 @@ TEST(Grid, PartnersAreInNeighbouringBins) {
     }
 }
 
+// Spheres that spread and travel have the grid that was foreseen; those that draw together to nothing have
+// one.
+TEST(Grid, OfSpheresThatGoOnIsForeseen) {
+  const TestScene scene = random_scene(2000, 30, 1, 3);
+  const auto at = [&](double time, double growth) {
+    std::vector<Sphere> moved = scene.spheres;
+    for (Sphere& s : moved)
+      s.x = s.x * (1 + growth * time) + 40 * time, s.y *= 1 + growth * time, s.z *= 1 + growth * time;
+    return summary_of(moved);
+  };
+  const auto grid = [](const Summary& s) {
+    return choose_grid(s, 0, 4, CrossSearch::coarse_to_fine, GridBounds::stepped);
+  };
+  EXPECT_EQ(grid(going_on(at(0, 0.25), at(1, 0.25))), grid(at(2, 0.25)));
+  EXPECT_NE(grid(at(1, 0.25)), grid(at(2, 0.25)));
+  const Summary after = at(1, -0.75), gone = going_on(at(0, -0.75), after);
+  for (int k = 1; k < 3; k++) {
+    EXPECT_EQ(gone.low[k], after.low[k]);
+    EXPECT_EQ(gone.high[k], after.high[k]);
+  }
+}
+
 TEST(Grid, BitsForKeys) {
   EXPECT_EQ(bits_for(1), 0);
   EXPECT_EQ(bits_for(2), 1);
