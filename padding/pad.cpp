@@ -269,10 +269,8 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
     const Point there = job.frame.written(b.center);
     moved = std::max(moved, (there - b.center).norm()), b.center = there;
   }
-  // A filled body is covered with all that the chord error adds to it (left_of).
-  const double chord_error = job.report.filled_body ? 0 : job.chord_error();
-  Measured m =
-      measure(job.input, job.body, job.surface, balls, {.floor = asked.gap, .chord_error = chord_error});
+  Measured m = measure(job.input, job.body, job.surface, balls,
+                       {.floor = asked.gap, .chord_error = job.chord_error()});
   Accuracy& a = m.accuracy;
   PadReport& report = job.report;
   const bool hollow = asked.filled && !report.filled_body && job.body.kind != BodyKind::sheet;
@@ -410,11 +408,12 @@ Surface surface_in_wrap(const Mesh& input, Repaired& wrap, bool by_grain, PadRep
 RepairOptions repairing(const PadOptions& options, double length, double tolerance, double diagonal) {
   RepairOptions r;
   r.mode = options.repair;
-  // Joining moves the surface, which is taken off both errors.
-  if (options.each_error())
-    r.join_width =
-        0.25 * std::min(options.protrusion_used().absolute(diagonal), options.gap_used().absolute(diagonal)) /
-        diagonal;
+  // Joining moves the surface, which is taken off both errors; one of 0 falls below 0.
+  if (options.each_error()) {
+    const auto [small, large] =
+        std::minmax({options.protrusion_used().absolute(diagonal), options.gap_used().absolute(diagonal)});
+    r.join_width = 0.25 * (small > 0 ? small : large) / diagonal;
+  }
   // One sphere for each triangle needs room below it.
   r.below_terrain = length > 0;
   r.thickness = options.thickness.absolute(diagonal) / diagonal;

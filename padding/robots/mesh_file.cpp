@@ -35,6 +35,7 @@ std::string in_other_case(const fs::path& file) {
     if (same.empty()) return "";
     at = same;
   }
+  if (fs::is_directory(at, code)) return "; it is a folder";
   return "; " + excerpt(at.string(), 500) + " is there: write the name with the same capital letters";
 }
 

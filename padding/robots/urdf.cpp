@@ -302,7 +302,9 @@ class UrdfReader {
       RobotShape shape;
       shape.pose = place(only_child(element, "origin", where), where);
       if (type == "mesh") {
-        shape.file = found(given.attribute("filename").as_string(), where);
+        const std::string name = given.attribute("filename").as_string();
+        if (name.empty()) fail(where + ": its <mesh> has no filename");
+        shape.file = found(name, where);
         shape.scale = three(given.attribute("scale"), Vector::Ones(), where);
         if ((shape.scale.array() == 0).any()) fail(where + ": a mesh has a scale of 0");
       } else if (type == "box") {

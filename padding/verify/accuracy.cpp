@@ -133,7 +133,7 @@ Measured measure(const Mesh& input, const Repaired& body, const Surface& body_su
   a.coverage = points.empty() ? 0 : double(covered) / double(points.size());
   // Where corners were joined, the surface is as far from the input as they were moved.
   const double away = body.steps.joined_width + options.chord_error;
-  a.gap_bound = gap_bound(body_surface.mesh(), set, std::max(0.0, options.floor - away)).upper + away;
+  a.gap_bound = gap_bound(body_surface.mesh(), set, options.floor - away).upper + away;
   // Triangles without area may lie apart from the others, so they are measured, too.
   if (!wrap) m.flat_gap = gap_bound(body.flat, set, options.floor).upper;
   a.gap_bound = std::max(a.gap_bound, m.flat_gap);

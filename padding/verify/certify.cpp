@@ -77,7 +77,8 @@ ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>
 // Goes breadth first, one round of bisection at a time. What a round prunes depends only on the rounds before
 // it, so the result does not depend on the number of threads.
 GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double relative) {
-  GapBound best;
+  const double least = std::min(floor, 0.0);
+  GapBound best{.upper = least, .lower = least};
   const std::size_t n = mesh.triangles.size();
   if (n == 0) return best;
   if (balls.empty()) {
@@ -85,7 +86,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     return best;
   }
   const double smallest = smallest_size(mesh);
-  double pruned = 0;  // the largest bound among the parts that were not split further
+  double pruned = least;  // the largest bound among the parts that were not split further
 
   // Bounds a part and returns true when it must be split. `hint` is the ball of the part before, which
   // settles most parts without a query.
@@ -100,7 +101,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     return part.bound > enough;
   };
   // Below the floor nothing is added, so that a gap just below a tolerance is proved to keep it.
-  const auto settled = [&](double lower) { return lower <= floor ? floor : lower * (1 + relative); };
+  const auto settled = [&](double x) { return x <= floor ? floor : x + std::abs(x) * relative; };
   const auto improve = [&](const GapPart& part) {
     if (part.value > best.lower)
       best.lower = part.value, best.point = part.point, best.triangle = part.triangle;
@@ -114,7 +115,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     const std::size_t blocks = (count + block - 1) / block;
     struct Result {
       std::vector<GapPart> open;
-      double pruned = 0;
+      double pruned = -kUnbounded;
       GapPart top;  // of the largest value
     };
     std::vector<Result> results(blocks);
@@ -152,7 +153,7 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
       }
     level.swap(next);
   }
-  best.upper = std::max({0.0, best.lower, pruned});
+  best.upper = std::max(best.lower, pruned);
   return best;
 }
 

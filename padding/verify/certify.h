@@ -43,8 +43,8 @@ struct GapPart : TrianglePart {
 
 // The largest distance of a surface point to the union, between two bounds.
 struct GapBound {
-  double upper = 0;  // proved: no point lies farther out; 0 when all is inside the union
-  double lower = 0;  // attained at `point`
+  double upper = 0;  // proved: no point lies farther out; the floor when all lies so far inside the union
+  double lower = 0;  // attained at `point`, where it is above 0 and the floor
   Point point = Point::Zero();
   std::uint32_t triangle = 0;  // that the point lies on
 };
@@ -52,8 +52,9 @@ struct GapBound {
 // Branch and bound. The signed gap to one ball is a convex function, so its largest value over a part of a
 // triangle is at a corner. The ball nearest to the centroid thus gives a bound for the part. Parts are
 // bisected until upper <= floor or, where lower is above the floor, upper <= lower * (1 + relative). `floor`
-// says up to which size gaps need not be told apart: a tolerance, or 0 for the true maximum. Always upper >=
-// lower. An empty union has an infinite gap. Runs on all threads; the result does not depend on their number.
+// says up to which size gaps need not be told apart: a tolerance, or 0 for the true maximum; one below 0 asks
+// how deep inside the union the surface lies, up to so much. Always upper >= lower. An empty union has an
+// infinite gap. Runs on all threads; the result does not depend on their number.
 GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor = 0, double relative = 1e-3);
 
 // Returns the parts of the surface for which the proof that they lie within `bound` failed. An empty answer

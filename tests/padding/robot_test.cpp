@@ -320,6 +320,8 @@ TEST_F(RobotTest, AMeshIsFoundHoweverItIsWritten) {
   for (const std::string name : {"package://pkg/meshes/TET.obj", "../Meshes/tet.obj", "..\\meshes\\tet.OBJ"})
     EXPECT_TRUE(refuses([&] { read(name); }, "pkg/meshes/Tet.obj is there: write the name with")) << name;
   EXPECT_EQ(error_of([&] { read("../meshes/box.obj"); }).find("is there"), std::string::npos);
+  EXPECT_TRUE(refuses([&] { read("../meshes"); }, "it is a folder"));
+  EXPECT_TRUE(refuses([&] { read(""); }, "link a: its <mesh> has no filename"));
 }
 
 // One tolerance for all links, found for a number of spheres; and the same spheres for any number of threads.

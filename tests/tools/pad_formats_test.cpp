@@ -178,6 +178,14 @@ TEST_F(PadFormatsTest, ARobotThatContradictsItselfIsASentence) {
             "pad: j.urdf: joint j: the joints that it mimics go round in a circle at j\n");
   EXPECT_EQ(joints("", "--joint j=99"), "pad: j.urdf: --joint j: its limits are from -1 to 1 radians\n");
   EXPECT_EQ(joints("", "--joint k=0"), "pad: j.urdf: --joint k: it follows the joint j: place that one\n");
+  write_file(folder_ / "l.urdf",
+             "<robot name='r'><link name='a b'/><link name='s/t'><visual><geometry><sphere radius='1'/>"
+             "</geometry></visual></link><link name='s_t'><visual><geometry><sphere radius='1'/></geometry>"
+             "</visual></link><joint name='j' type='fixed'><parent link='a b'/><child link='s/t'/></joint>"
+             "<joint name='k' type='fixed'><parent link='a b'/><child link='s_t'/></joint></robot>");
+  EXPECT_EQ(pad("l.urdf -o links/").output,
+            "pad: link s_t of l.urdf and link s/t of l.urdf would both write links/s_t.spheres.json: name "
+            "another file\n");
   const auto point = [&](const std::string& shape) {
     write_file(folder_ / "p.urdf", "<robot name='r'><link name='a'><collision><geometry><" + shape +
                                        "/></geometry></collision></link></robot>");

@@ -123,9 +123,9 @@ void note_inputs(const std::string& file, const std::shared_future<RobotTree>& r
 void note_outputs(const PadArguments& a, const std::string& file, const PadTarget& target,
                   cli::RunFiles& files) {
   const bool several = a.meshes.size() > 1;
+  const std::string remedy = several ? "pad them one by one, each with its own -o" : "name another file";
   const auto write = [&](const fs::path& path, const char* option) {
-    files.writes(path, several || !*option ? file : option + path.string(),
-                 several ? "pad them one by one, each with its own -o" : "name another file");
+    files.writes(path, several || !*option ? file : option + path.string(), remedy);
   };
   for (const OutputFile& output : target.outputs) write(output.path, a.outputs.empty() ? "" : "-o ");
   for (const OutputFile& output : target.outputs) {
@@ -138,7 +138,9 @@ void note_outputs(const PadArguments& a, const std::string& file, const PadTarge
   if (!target.in_folder || !is_robot(file)) return;
   try {
     for (const RobotLink& link : target.robot.get().links)
-      if (!link.shapes.empty()) write(link_file(target.outputs[0].path.parent_path(), link.name), "");
+      if (!link.shapes.empty())
+        files.writes(link_file(target.outputs[0].path.parent_path(), link.name),
+                     "link " + excerpt(link.name) + " of " + file, remedy);
   } catch (const Error&) {  // its reader says so
   }
 }

@@ -323,8 +323,10 @@ int settle(const Arguments& a) {
                                          : 1);
   keep_inputs(a, scene.files, frames, wanted);
   const std::uint64_t intervals = wanted > 1 ? wanted - 1 : 1;  // between frames
-  // A look at the energies at least every hundredth of the run.
-  const std::uint64_t between = std::max<std::uint64_t>(1, left / std::max<std::uint64_t>(intervals, 100));
+  // A look at the energies every hundredth of the run, and at least every thousand steps: a long run ends as
+  // early as a short one when it comes to rest or goes wrong, and a look costs about as much as a step.
+  const std::uint64_t between =
+      std::clamp<std::uint64_t>(left / std::max<std::uint64_t>(intervals, 100), 1, 1000);
   bar.show(0, progress_of(stepper, last));
   EnergyGuard guard(stepper);
   Watch w = guard.check();

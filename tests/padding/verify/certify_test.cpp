@@ -57,6 +57,18 @@ TEST(Certify, CoveredSurfaceHasNoGap) {
   EXPECT_EQ(gap_bound(Mesh(), BallSet()).upper, 0);
 }
 
+// The corners of the cube are nearest to the sphere, from inside.
+TEST(Certify, AFloorBelow0AsksHowDeepInsideTheSurfaceLies) {
+  const Mesh mesh = shapes::box({-0.5, -0.5, -0.5}, {0.5, 0.5, 0.5});
+  const BallSet ball({{Point(0, 0, 0), 1}});
+  const double exact = std::sqrt(0.75) - 1;
+  const GapBound depth = gap_bound(mesh, ball, -1);
+  EXPECT_GE(depth.upper, exact - 1e-15);
+  EXPECT_NEAR(depth.upper, exact, 1e-3);
+  EXPECT_EQ(gap_bound(mesh, ball, -0.1).upper, -0.1);
+  EXPECT_GT(gap_bound(mesh, BallSet({{Point(0, 0, 0), 0.8}}), -0.1).upper, 0);
+}
+
 // The oracle is a dense random sampling: it must stay below the proved bound and come near to it.
 TEST(Certify, BoundsHoldAgainstDenseSampling) {
   for (const Mesh& mesh : {shapes::box({0, 0, 0}, {1, 0.7, 0.1}, 4), shapes::torus(1, 0.3, 24, 12)}) {

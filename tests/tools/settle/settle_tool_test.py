@@ -138,6 +138,7 @@ with tempfile.TemporaryDirectory() as folder:
     for looks in ([], ["--frames", 2000, "-o", "hung.html"]):
         fallen = report("hung.json", "--until-rest", "--checkpoint", "hung.npz", *looks)
         assert fallen["at_rest"] and 0.7 < fallen["time"] < 1.5 and fallen["contacts"] == 2, fallen
+    assert report("hung.json", "--until-rest", "--steps", 10**9)["time"] < 1.5, "a long run goes on at rest"
     assert not report("hung.json", "--steps", 400, "--until-rest")["at_rest"]
     assert report("hung.json", "--resume", "hung.npz", "--steps", 0)["at_rest"]
     hung_pills = {**hung, "clusters": {"pill": "pill.spheres.json"}, "spheres": []}
