@@ -3,6 +3,7 @@
 #pragma once
 #include <cuda_runtime.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -27,9 +28,10 @@ struct MemoryBook {
   bool roomy = false;       // what is held will grow a little in later calls
 };
 
-// Memory that grows and never shrinks; contents are lost when it grows. What grows once will grow again, so
-// it takes an eighth more than it needs, if that is to be had; of a roomy book it does so at once, as long as
-// half of the GPU's memory stays free. Throws MemoryError.
+// Memory that grows and never shrinks; contents are lost when it grows. What grows once will grow again, and
+// each time takes several times as long as a call. So it takes an eighth more than it needs, if that is to be
+// had, and up to twice what it needs while that is little beside what the book holds; of a roomy book it
+// takes more at once, as long as half of the GPU's memory stays free. Throws MemoryError.
 template <class T>
 class Buffer {
  public:
@@ -41,9 +43,11 @@ class Buffer {
 
   T* reserve(std::uint64_t count) {
     if (count <= capacity_ && data_) return data_;
-    const bool grows = data_ || (book_->roomy && !pinned_ && half_stays_free(count + count / 8));
+    const std::uint64_t little = book_->limit ? 0 : book_->held / kLittle / sizeof(T),
+                        with_room = count + std::max(count / 8, std::min(count, little));
+    const bool grows = data_ || (book_->roomy && !pinned_ && half_stays_free(with_room));
     release();
-    const cudaError_t e = grows && allocate(count + count / 8) == cudaSuccess ? cudaSuccess : allocate(count);
+    const cudaError_t e = grows && allocate(with_room) == cudaSuccess ? cudaSuccess : allocate(count);
     if (e == cudaErrorMemoryAllocation)
       throw pinned_ ? MemoryError(count * sizeof(T), what_, "host", 0)
                     : MemoryError(book_->held + count * sizeof(T), what_, "GPU", book_->limit);
@@ -60,6 +64,7 @@ class Buffer {
   std::uint64_t capacity() const { return capacity_; }
 
  private:
+  static constexpr std::uint64_t kLittle = 32;
   static bool half_stays_free(std::uint64_t count) {
     std::size_t free = 0, total = 0;
     return cudaMemGetInfo(&free, &total) == cudaSuccess && count * sizeof(T) + total / 2 < free;
