@@ -9,7 +9,7 @@
 
 #include "detect/scene/scene.h"
 #include "tools/cli.h"
-#include "tools/detect/launch.h"
+#include "tools/launch.h"
 
 namespace padder::tool {
 

@@ -10,6 +10,7 @@
 #include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/json_output.h"
+#include "tools/launch.h"
 #include "tools/progress_bar.h"
 #include "tools/run_files.h"
 #include "tools/settle/files.h"
@@ -364,6 +365,9 @@ int settle(const Arguments& a) {
 }
 
 int run(Arguments& a, const CLI::App& app) {
+  if (const int ranks = padder::tool::launch_of_environment().ranks; ranks > 1)
+    throw UsageError("settle runs as one process, and " + std::to_string(ranks) +
+                     " were started, which would write the same files: start it without mpirun or srun");
   padder::cli::StreamFiles streams;
   if (padder::cli::is_stream(a.output)) {
     if (a.json) throw UsageError("-o - writes a page to stdout, where --json prints: leave one of them out");
