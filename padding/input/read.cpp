@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "padding/input/read.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
