@@ -121,6 +121,7 @@ class PageTest(unittest.TestCase):
 
     def setUp(self):
         self.b = self.browser
+        self.load("brick.html")
 
     def tearDown(self):
         self.assertEqual(self.b.log(), [], "the console must stay silent")
@@ -178,7 +179,6 @@ class PageTest(unittest.TestCase):
         self.b.wait(f"padder.state().frames > {before}")
 
     def test_both_halves_show_what_rays_meet(self):
-        self.load("brick.html")
         image, camera = self.picture(), self.brick()
         wrong, seen = [], {"mesh": 0, "spheres": 0}
         for y in range(4, HEIGHT, 9):
@@ -201,7 +201,6 @@ class PageTest(unittest.TestCase):
         self.assertLessEqual(len(wrong), 8, wrong)
 
     def test_everything_fits_and_nothing_is_fetched(self):
-        self.load("brick.html")
         camera = self.brick()
         for c, _ in self.spheres:
             x, y = camera.pixel(c)
@@ -212,7 +211,6 @@ class PageTest(unittest.TestCase):
         self.assertEqual(self.state()["drawn"], len(self.spheres))
 
     def test_a_click_picks_the_sphere_under_it(self):
-        self.load("brick.html")
         self.b.keys("3")
         camera, picked = self.brick(), set()
         spots = list(self.spots(camera, range(200, 390, 23), range(180, 330, 31)))[::4]
@@ -238,7 +236,6 @@ class PageTest(unittest.TestCase):
         self.assertEqual(self.state()["picked"], -1)
 
     def test_the_picked_sphere_stands_out(self):
-        self.load("brick.html")
         self.b.keys("3")
         x, y, k = next(self.spots(self.brick(), range(250, 390, 7), range(200, 300, 7)))
         self.b.click(x, y)
@@ -247,7 +244,6 @@ class PageTest(unittest.TestCase):
         self.assertTrue(c[0] > 1.5 * c[1] and c[2] > 1.5 * c[1], c)
 
     def test_slider_and_its_keys(self):
-        self.load("brick.html")
         count = lambda image: sum(is_orange(image.at(x, y)) for y in range(0, HEIGHT, 5) for x in range(0, WIDTH, 5))
         self.do(lambda: self.b.keys("1"))
         self.assertEqual(self.state()["split"], 1)
@@ -269,7 +265,6 @@ class PageTest(unittest.TestCase):
         self.assertAlmostEqual(self.state()["split"], split - 0.1, places=6)
 
     def test_keys_turn_move_and_zoom(self):
-        self.load("brick.html")
         before = self.brick()
         self.b.keys(ARROWS["right"])
         turned = self.brick()
@@ -298,7 +293,6 @@ class PageTest(unittest.TestCase):
                 self.assertEqual(self.state()["picked"], k)
 
     def test_colours_and_their_legend(self):
-        self.load("brick.html")
         radii = [r for _, r in self.spheres]
         largest = radii.index(max(radii))
         colour = lambda k: tuple(self.b.run("return padder.colour(arguments[0])", k))
@@ -341,7 +335,6 @@ class PageTest(unittest.TestCase):
         self.assertNotEqual(self.picture().rows, image.rows)
 
     def test_the_scale_bar_and_the_axes(self):
-        self.load("brick.html")
         label, path = self.b.run("const s = document.querySelector('#rulers'); return [s.lastElementChild.textContent, s.lastElementChild.previousElementSibling.getAttribute('d')]")
         length, unit = label.split()
         self.assertEqual(unit, "m")
@@ -374,7 +367,6 @@ class PageTest(unittest.TestCase):
         self.assertTrue(is_near(self.picture().at(4, 4), (22, 26, 31)))
 
     def test_overlay_detail_and_panels(self):
-        self.load("brick.html")
         self.b.keys("3")
         plain = self.picture()
         for overlay in ("wire", "glass"):
@@ -393,7 +385,6 @@ class PageTest(unittest.TestCase):
         self.assertIn(f"{100 * self.cluster['accuracy']['coverage']:.4g} %", table)
 
     def test_next_and_previous_sphere(self):
-        self.load("brick.html")
         self.b.keys("nnp")
         self.assertEqual(self.state()["picked"], 0)
         self.b.keys("p")
