@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "detect/body.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include "detect/core/errors.h"

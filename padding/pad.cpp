@@ -34,7 +34,7 @@ class Clock {
 
 // Of the remeshed triangles, in the unit frame.
 double edge_length(const PadOptions& options, double diagonal) {
-  if (options.edge_length.given()) return options.edge_length.absolute(diagonal) / diagonal;
+  if (options.edge_length.given()) return options.edge_length.in_unit_frame(diagonal);
   constexpr double cap = 1.0 / 400;  // an equilateral triangle of edge L has the circumradius L / sqrt(3)
   return std::clamp(std::numbers::sqrt3 * cap / options.depth_ratio_used(), 0.002, 0.05);
 }
@@ -121,13 +121,13 @@ double left_of(double error, double chord_error) {
 CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal,
                          const Allowance& allowance) {
   CullOptions c;
-  c.tolerance = tolerance.absolute(diagonal) / diagonal;
+  c.tolerance = tolerance.in_unit_frame(diagonal);
   c.max_spheres = options.max_spheres;
-  c.min_radius = options.min_radius.absolute(diagonal) / diagonal;
-  if (options.max_radius.given()) c.max_radius = options.max_radius.absolute(diagonal) / diagonal;
+  c.min_radius = options.min_radius.in_unit_frame(diagonal);
+  if (options.max_radius.given()) c.max_radius = options.max_radius.in_unit_frame(diagonal);
   if (options.each_error()) {
-    c.only_protrusion = options.protrusion_used().absolute(diagonal) / diagonal;
-    c.only_gap = options.gap_used().absolute(diagonal) / diagonal;
+    c.only_protrusion = options.protrusion_used().in_unit_frame(diagonal);
+    c.only_gap = options.gap_used().in_unit_frame(diagonal);
   } else if ((allowance.crack > 0 || allowance.chord_error > 0) && c.tolerance > 0) {
     if (c.max_spheres == 0 && c.balance == Balance::none && !(options.smooth > 0))
       c.only_protrusion = c.only_gap = c.tolerance;
@@ -147,9 +147,8 @@ struct Asked {
   bool filled = false;  // a gap of 0, with which the inside of the body is covered, too
 
   Asked(const PadOptions& options, const Length& tolerance, double diagonal) {
-    const auto in_unit_frame = [&](const Length& l) { return l.absolute(diagonal) / diagonal; };
-    protrusion = in_unit_frame(options.protrusion.value_or(tolerance));
-    gap = in_unit_frame(options.gap.value_or(tolerance));
+    protrusion = options.protrusion.value_or(tolerance).in_unit_frame(diagonal);
+    gap = options.gap.value_or(tolerance).in_unit_frame(diagonal);
     filled = options.each_error() && !(gap > 0);
   }
   bool kept_by(const Accuracy& a) const {
@@ -200,7 +199,7 @@ std::string open_text(const Job& job, const OpenSpot& open) {
 // Makes the spheres of one level of detail. If they cannot keep the tolerance, `why` says what prevents it.
 RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& why) {
   const PadOptions& options = job.options;
-  const double asked = tolerance.absolute(job.frame.scale()) / job.frame.scale();
+  const double asked = tolerance.in_unit_frame(job.frame.scale());
   RungSpheres made;
   if (job.length > 0) {
     made = by_depth(options, job.length, job.body, job.surface, job.report, job.step, job.clock);
@@ -416,7 +415,7 @@ RepairOptions repairing(const PadOptions& options, double length, double toleran
   }
   // One sphere for each triangle needs room below it.
   r.below_terrain = length > 0;
-  r.thickness = options.thickness.absolute(diagonal) / diagonal;
+  r.thickness = options.thickness.in_unit_frame(diagonal);
   // The wrap must be finer than the cap over a triangle with that edge, or than the tolerance.
   r.accuracy = length > 0 ? options.depth_ratio_used() * length / std::numbers::sqrt3 : tolerance;
   r.tolerance = tolerance;
@@ -424,7 +423,7 @@ RepairOptions repairing(const PadOptions& options, double length, double toleran
   r.fold_size = length > 0 ? 0 : tolerance;
   if (options.min_grain_radius.given()) {
     r.mode = RepairMode::wrap, r.tolerance = 0;
-    r.alpha = options.min_grain_radius.absolute(diagonal) / diagonal;
+    r.alpha = options.min_grain_radius.in_unit_frame(diagonal);
   }
   return r;
 }
@@ -579,8 +578,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
     const bool asked = finest.protrusion + finest.gap > 0;
     bounding.protrusion = asked ? finest.protrusion : kept.protrusion_bound / frame.scale();
     bounding.gap = asked ? finest.gap : kept.gap_bound / frame.scale();
-    if (options.max_radius.given())
-      bounding.max_radius = options.max_radius.absolute(frame.scale()) / frame.scale();
+    if (options.max_radius.given()) bounding.max_radius = options.max_radius.in_unit_frame(frame.scale());
     clock.lap();
     report.fewest = fewest_balls(surface, bounding);
     report.seconds.lower_bound = clock.lap();

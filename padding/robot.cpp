@@ -10,7 +10,7 @@
 #include <numbers>
 
 #include "padding/asset/error.h"
-#include "padding/input/text.h"
+#include "padding/asset/file.h"
 #include "padding/meshing/pieces.h"
 #include "padding/meshing/repair.h"
 #include "padding/robots/robot_file.h"
@@ -23,7 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 
 bool y_up(const fs::path& file) {
-  const std::string ending = reading::lower_case(file.extension().string());
+  const std::string ending = ending_of(file);
   return ending == ".gltf" || ending == ".glb";
 }
 

@@ -178,23 +178,20 @@ Scene scene_of(const Json& json, const std::string& where, const std::filesystem
   if (r.has("clusters")) assets = read_assets(r.at("clusters"), scene, folder);
   Families families;
   std::vector<std::size_t> without;
-  if (r.has("bodies")) {
-    const Reader bodies = r.at("bodies");
-    for (std::size_t k = 0; k < bodies.size(); k++) {
-      bool given = false;
-      scene.bodies.push_back(read_body(bodies.at(k), scene, assets, given));
-      if (given)
-        families.use(scene.bodies.back().family);
-      else
-        without.push_back(k);
-    }
+  for (const Reader& body : r.all("bodies")) {
+    bool given = false;
+    scene.bodies.push_back(read_body(body, scene, assets, given));
+    if (given)
+      families.use(scene.bodies.back().family);
+    else
+      without.push_back(scene.bodies.size() - 1);
   }
   if (r.has("spheres")) {
     const Reader spheres = r.at("spheres");
     if (loose == LooseAs::mapped) scene.mapped = mapped_file(spheres, folder);
-    for (std::size_t k = 0; k < spheres.size(); k++) {
-      if (spheres.at(k).has("file")) scene.files.push_back(folder / spheres.at(k).at("file").file());
-      if (!scene.mapped) scene.loose.append(read_loose(spheres.at(k), folder));
+    for (const Reader& block : spheres.all()) {
+      if (block.has("file")) scene.files.push_back(folder / block.at("file").file());
+      if (!scene.mapped) scene.loose.append(read_loose(block, folder));
     }
     if (!without.empty()) use_all(scene.spheres(), families);
   }

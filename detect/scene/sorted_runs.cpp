@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #include "detect/scene/sorted_runs.h"
 
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <utility>

@@ -319,16 +319,12 @@ Cluster cluster_from_json(std::string_view text, const std::string& where) {
   read_real(p, "volume_union", c.volume_union);
   if (p.has("accuracy")) c.accuracy = accuracy_from(p.at("accuracy"));
   spheres_from(p.at("spheres"), c);
-  if (p.has("lods")) {
-    const Place lods = p.at("lods");
-    for (std::size_t k = 0; k < lods.size(); k++) {
-      const Place rung = lods.at(k);
-      Lod& lod = c.lods.emplace_back();
-      lod.tolerance = rung.at("tolerance").real();
-      read_real(rung, "volume_union", lod.volume_union);
-      if (rung.has("accuracy")) lod.accuracy = accuracy_from(rung.at("accuracy"));
-      spheres_from(rung.at("spheres"), lod);
-    }
+  for (const Place& rung : p.all("lods")) {
+    Lod& lod = c.lods.emplace_back();
+    lod.tolerance = rung.at("tolerance").real();
+    read_real(rung, "volume_union", lod.volume_union);
+    if (rung.has("accuracy")) lod.accuracy = accuracy_from(rung.at("accuracy"));
+    spheres_from(rung.at("spheres"), lod);
   }
   check(c, where);
   return c;

@@ -39,6 +39,7 @@ struct Accuracy {
   bool certified = false;  // both bounds are proved, and within what was asked for
 
   void scale(double factor);  // its lengths
+  bool operator==(const Accuracy&) const = default;
 };
 
 // Where a cluster came from.
@@ -47,6 +48,7 @@ struct Provenance {
   std::string sha256;           // of its bytes
   std::uint64_t triangles = 0;  // as read
   std::string repair;           // what repair did, in words
+  bool operator==(const Provenance&) const = default;
 };
 
 // A coarser level of detail of the same part.
@@ -59,6 +61,7 @@ struct Lod {
   std::vector<std::int64_t> triangle;
 
   void scale(double factor);
+  bool operator==(const Lod&) const = default;
 };
 
 // The asset.
@@ -85,6 +88,7 @@ struct Cluster {
 
   std::size_t size() const { return radii.size(); }
   void scale(double factor);  // its lengths, those of `settings` too; areas and the like by their powers
+  bool operator==(const Cluster&) const = default;
 };
 
 // Metres in a unit of length, of which Cluster::unit tells the words; 1 for "". Throws Error for another

@@ -14,6 +14,11 @@ std::string excerpt(std::string_view text, std::size_t most = 60);
 // Text for XML and HTML: &, <, > and " escaped.
 std::string xml_text(std::string_view text);
 
+// Without the blanks, tabs and carriage returns around it.
+std::string_view trimmed(std::string_view text);
+
+std::string lower_case(std::string_view text);  // of the letters A to Z; others stay
+
 // The number to so many significant digits at most, as printf's %g writes it.
 std::string short_number(double value, int digits);
 

@@ -73,12 +73,7 @@ void remove_unfinished_files() noexcept {
     if (u.state == 2) ::unlink(u.name);
 }
 
-std::string ending_of(const std::filesystem::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
-  return ending;
-}
+std::string ending_of(const std::filesystem::path& path) { return lower_case(path.extension().string()); }
 
 std::filesystem::path behind_links(const std::filesystem::path& path) {
   std::filesystem::path file = path;

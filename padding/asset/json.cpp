@@ -301,6 +301,18 @@ std::size_t JsonPlace<Json>::size() const {
 }
 
 template <class Json>
+std::vector<JsonPlace<Json>> JsonPlace<Json>::all() const {
+  std::vector<JsonPlace> entries;
+  for (std::size_t k = 0; k < size(); k++) entries.push_back(at(k));
+  return entries;
+}
+
+template <class Json>
+std::vector<JsonPlace<Json>> JsonPlace<Json>::all(const std::string& key) const {
+  return has(key) ? at(key).all() : std::vector<JsonPlace>();
+}
+
+template <class Json>
 void JsonPlace<Json>::object() const {
   if (!at_->is_object()) fail("an object is wanted");
 }

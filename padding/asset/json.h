@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "padding/asset/child.h"
 
@@ -39,8 +40,11 @@ class JsonPlace {
   bool has(const std::string& key) const { return at_->is_object() && at_->contains(key); }
   JsonPlace at(const std::string& key) const;
   JsonPlace at(std::size_t k) const { return {*this, (*at_)[k]}; }
-  std::size_t size() const;                                  // of an array
-  void object() const;                                       // fails if it is not an object
+  std::size_t size() const;            // of an array
+  std::vector<JsonPlace> all() const;  // entries of an array
+  std::vector<JsonPlace> all(
+      const std::string& key) const;  // of that under the key; none where it is missing
+  void object() const;                // fails if it is not an object
   void only(std::initializer_list<const char*> keys) const;  // fails for any other key, too
   const Json& json() const { return *at_; }
 

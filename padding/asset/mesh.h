@@ -25,6 +25,12 @@ struct Box {
   bool empty() const { return !(low.x() <= high.x()); }
   double diagonal() const { return empty() ? 0 : (high - low).norm(); }
   Point center() const { return 0.5 * (low + high); }
+  double half_area() const {  // of its faces
+    if (empty()) return 0;
+    const Vector e = high - low;
+    return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
+  }
+  bool operator==(const Box&) const = default;
 };
 
 // Two boxes, as those of the children of a tree node. Vector instructions compute with both at once.
@@ -77,6 +83,7 @@ struct MassProperties {
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();   // about the centre, along the mesh's axes; length^5
   Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();  // columns: principal directions, right-handed
   Vector moments = Vector::Zero();                     // principal moments, ascending, one for each column
+  bool operator==(const MassProperties&) const = default;
 };
 
 // Sums over the tetrahedra that the triangles span with the centre of the bounding box (Mirtich, Fast and

@@ -73,15 +73,14 @@ Cluster cover_mesh(const Mesh& mesh, const Length& tolerance, const CoverMeshOpt
   const MassProperties mass = mass_properties(body.mesh);
   if (!(mass.volume > 0)) fail(options, "it encloses no volume: turn its triangles to face outward");
 
-  const auto in_unit_frame = [&](const Length& l) { return l.absolute(frame.scale()) / frame.scale(); };
   CullOptions culling;
-  culling.tolerance = in_unit_frame(tolerance);
-  const double protrusion = in_unit_frame(options.protrusion.value_or(tolerance));
-  const double gap = in_unit_frame(options.gap.value_or(tolerance));
+  culling.tolerance = tolerance.in_unit_frame(frame.scale());
+  const double protrusion = options.protrusion.value_or(tolerance).in_unit_frame(frame.scale());
+  const double gap = options.gap.value_or(tolerance).in_unit_frame(frame.scale());
   const bool each_error = options.protrusion || options.gap;
   if (each_error) culling.only_protrusion = protrusion, culling.only_gap = gap;
-  culling.min_radius = in_unit_frame(options.min_radius);
-  if (options.max_radius.given()) culling.max_radius = in_unit_frame(options.max_radius);
+  culling.min_radius = options.min_radius.in_unit_frame(frame.scale());
+  if (options.max_radius.given()) culling.max_radius = options.max_radius.in_unit_frame(frame.scale());
   culling.effort = options.effort;
   culling.keep_back(frame.coarseness());
   Culled culled = cull(surface, culling);

@@ -31,6 +31,7 @@ class Length {
   constexpr bool is_share() const { return is_share_; }
   // In the mesh's unit; 0 when no length was given.
   constexpr double absolute(double diagonal) const { return is_share_ ? value_ * diagonal : value_; }
+  constexpr double in_unit_frame(double diagonal) const { return absolute(diagonal) / diagonal; }
 
  private:
   double value_ = 0;

@@ -150,14 +150,10 @@ void Surface::cut_needles() {
   constexpr std::size_t most_parts = 4'000'000;
   constexpr double large_box = 5;  // times the area; that of an equilateral triangle is at most 3.5
   constexpr double worth_it = 2;
-  const auto half_area = [](const Box& box) {
-    const Vector e = box.high - box.low;
-    return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
-  };
   const auto boxes_of = [&](const Slot& slot) {  // the half area of its box, and how large it is
     const Vector zero = Vector::Zero();
-    const double half =
-        half_area({zero.cwiseMin(slot.ab).cwiseMin(slot.ac), zero.cwiseMax(slot.ab).cwiseMax(slot.ac)});
+    const Box box{zero.cwiseMin(slot.ab).cwiseMin(slot.ac), zero.cwiseMax(slot.ab).cwiseMax(slot.ac)};
+    const double half = box.half_area();
     return std::array{half, half / (large_box * 0.5 * slot.ab.cross(slot.ac).norm())};
   };
   double before = 0, whole = 0, after = 0;
@@ -181,7 +177,7 @@ void Surface::cut_needles() {
       const auto v = static_cast<std::uint32_t>(boxes.points.size());
       boxes.points.push_back(box.low), boxes.points.push_back(box.high);
       boxes.triangles.push_back({v, v + 1, v + 1}), slot_of.push_back(k);
-      after += half_area(box);
+      after += box.half_area();
     }
   }
   if (!(before > worth_it * after)) return;

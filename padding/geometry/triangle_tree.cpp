@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "padding/geometry/triangle_tree.h"
 
-#include <array>
 #include <atomic>
-#include <limits>
 
 #include "padding/geometry/indices.h"
 
@@ -14,12 +12,6 @@ using Node = TriangleTree::Node;
 
 constexpr std::uint32_t kLeafSize = 4;
 constexpr std::uint32_t kTreeParallelSize = 4096;  // fewer triangles than these are not worth another thread
-
-double half_area(const Box& b) {
-  if (b.empty()) return 0;
-  const Vector e = b.high - b.low;
-  return e.x() * e.y() + e.y() * e.z() + e.z() * e.x();
-}
 
 // Binned surface-area heuristic; returns the node's index.
 std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
@@ -46,7 +38,7 @@ std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
     std::uint32_t total = 0;
     for (int b = bins - 1; b > 0; b--) {
       if (count[b]) sweep.add(box[b].low), sweep.add(box[b].high);
-      total += count[b], right[b] = half_area(sweep) * total;
+      total += count[b], right[b] = sweep.half_area() * total;
     }
     sweep = Box(), total = 0;
     double best = std::numeric_limits<double>::infinity();
@@ -54,7 +46,7 @@ std::uint32_t build(std::vector<Node>& nodes, std::vector<std::uint32_t>& order,
     for (int b = 1; b < bins; b++) {
       if (count[b - 1]) sweep.add(box[b - 1].low), sweep.add(box[b - 1].high);
       total += count[b - 1];
-      const double cost = half_area(sweep) * total + right[b];
+      const double cost = sweep.half_area() * total + right[b];
       if (cost < best && total > 0 && total < end - begin) best = cost, split = b;
     }
     if (split > 0)

@@ -12,12 +12,6 @@
 namespace padder::importing {
 namespace {
 
-std::string_view trimmed(std::string_view s) {
-  while (!s.empty() && (s.front() == ' ' || s.front() == '\t')) s.remove_prefix(1);
-  while (!s.empty() && (s.back() == ' ' || s.back() == '\t' || s.back() == '\r')) s.remove_suffix(1);
-  return s;
-}
-
 // Columns of a line, between commas or (comma = false) blanks.
 std::vector<std::string_view> columns(std::string_view line, bool comma) {
   std::vector<std::string_view> out;

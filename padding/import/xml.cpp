@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <charconv>
-#include <vector>
 
 #include "padding/asset/child.h"
 #include "padding/asset/error.h"

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "padding/input/read.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
 
 #include "padding/asset/child.h"
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/input/polygon.h"
 #include "padding/input/read_internal.h"
@@ -39,7 +39,7 @@ Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& not
   std::vector<bool> used(soup.points.size(), false);
   for (const std::uint32_t v : soup.corners) {
     if (!used[v] && !soup.points[v].allFinite())
-      fail(where, (soup.lines.empty() ? "" : "line " + std::to_string(soup.lines[v]) + ": ") + "vertex " +
+      fail(where, (soup.lines.empty() ? "" : reading::at_line(soup.lines[v])) + "vertex " +
                       std::to_string(v + 1) +
                       " (counted from 1), which a face uses, is not finite or too large to read: "
                       "mend its coordinates or remove its faces");
@@ -103,7 +103,7 @@ void apply_units(ReadResult& result, const ReadOptions& options, const std::stri
 void check_is_no_stand_in(const std::string& bytes, const std::string& where) {
   if (bytes.starts_with("version https://git-lfs"))
     fail(where, "it is a pointer of Git LFS, not the mesh: get the mesh with git lfs pull");
-  const std::string start = reading::lower_case(bytes.substr(0, 14));
+  const std::string start = lower_case(bytes.substr(0, 14));
   if (start.starts_with("<!doctype html") || start.starts_with("<html"))
     fail(where, "it is a web page, not a mesh: download the file itself");
 }
@@ -156,7 +156,7 @@ ReadResult read_mesh(const std::filesystem::path& path, const ReadOptions& optio
   if (!(options.scale > 0 && std::isfinite(options.scale)))
     throw Error("the scale must be a positive number");
   metres(options.unit);  // throws if it is unknown
-  const std::string ending = reading::lower_case(path.extension().string());
+  const std::string ending = ending_of(path);
   if (!has_mesh_ending(path)) {
     if (std::error_code code; !std::filesystem::exists(path, code)) read_file(path);  // says so
     if (ending == ".sdf" || ending == ".world" || ending.starts_with(".usd"))

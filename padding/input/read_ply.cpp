@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstring>
 
+#include "padding/asset/excerpt.h"
 #include "padding/input/read_internal.h"
 
 namespace padder::reading {

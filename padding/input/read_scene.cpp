@@ -194,14 +194,13 @@ std::map<fs::path, fs::path> buffers_beside(const nlohmann::json& json, const fs
 
 // assimp gives the shape without its morph targets. The weights of a node go before those of its mesh.
 void check_morphs(const JsonPlace<nlohmann::json>& document) {
-  for (std::size_t k = 0; document.has("nodes") && k < document.at("nodes").size(); k++) {
-    const auto node = document.at("nodes").at(k);
+  for (const auto& node : document.all("nodes")) {
     if (!node.has("mesh") || !document.has("meshes")) continue;
     const std::uint64_t index = node.at("mesh").whole(~std::uint64_t(0));
     if (index >= document.at("meshes").size()) continue;  // assimp says so
     const auto mesh = document.at("meshes").at(index), holder = node.has("weights") ? node : mesh;
-    for (std::size_t w = 0; holder.has("weights") && w < holder.at("weights").size(); w++)
-      if (holder.at("weights").at(w).real() != 0)
+    for (const auto& weight : holder.all("weights"))
+      if (weight.real() != 0)
         holder.at("weights").fail(
             "a morph target that shows is not read: export the mesh with its shape applied");
   }
@@ -209,8 +208,7 @@ void check_morphs(const JsonPlace<nlohmann::json>& document) {
 
 // What assimp would take without a word, or end at. A quaternion that is not of length 1 stretches the part.
 void check_places(const JsonPlace<nlohmann::json>& document) {
-  for (std::size_t k = 0; document.has("nodes") && k < document.at("nodes").size(); k++) {
-    const auto node = document.at("nodes").at(k);
+  for (const auto& node : document.all("nodes")) {
     if (node.has("rotation")) {
       double q[4];
       node.at("rotation").reals(q);
@@ -224,18 +222,15 @@ void check_places(const JsonPlace<nlohmann::json>& document) {
         node.at("matrix").fail("its last row is not 0, 0, 0, 1: export it again");
     }
   }
-  for (std::size_t k = 0; document.has("skins") && k < document.at("skins").size(); k++)
-    if (!document.at("skins").at(k).has("inverseBindMatrices"))
-      document.at("skins").at(k).fail(
-          "a skin without inverseBindMatrices is not read: export it with them, or without the skin");
+  for (const auto& skin : document.all("skins"))
+    if (!skin.has("inverseBindMatrices"))
+      skin.fail("a skin without inverseBindMatrices is not read: export it with them, or without the skin");
 }
 
 // assimp takes what comes for 32-bit floats, and quantized coordinates in silence for others.
 void check_positions(const JsonPlace<nlohmann::json>& document) {
-  for (std::size_t k = 0; document.has("meshes") && k < document.at("meshes").size(); k++) {
-    const auto mesh = document.at("meshes").at(k);
-    for (std::size_t p = 0; mesh.has("primitives") && p < mesh.at("primitives").size(); p++) {
-      const auto primitive = mesh.at("primitives").at(p);
+  for (const auto& mesh : document.all("meshes"))
+    for (const auto& primitive : mesh.all("primitives")) {
       if (!primitive.has("attributes") || !primitive.at("attributes").has("POSITION")) continue;
       const std::uint64_t index = primitive.at("attributes").at("POSITION").whole(~std::uint64_t(0));
       if (!document.has("accessors") || index >= document.at("accessors").size()) continue;  // assimp says so
@@ -246,7 +241,6 @@ void check_positions(const JsonPlace<nlohmann::json>& document) {
             "coordinates are read as VEC3 of floats (componentType 5126) alone: export it without "
             "quantization (KHR_mesh_quantization)");
     }
-  }
 }
 
 // The length of the JSON, which stands behind a header of 12 bytes, its length and its kind.
@@ -323,8 +317,7 @@ FilesBeside check_gltf(std::string& bytes, const fs::path& path, const std::stri
   if (is_gltf_1(json)) fail(where, "it is glTF 1, which is not read: export it as glTF 2");
   const auto names = [&](const char* key) {
     std::vector<std::string> out;
-    if (document.has(key))
-      for (std::size_t k = 0; k < document.at(key).size(); k++) out.push_back(document.at(key).at(k).text());
+    for (const auto& name : document.all(key)) out.push_back(name.text());
     return out;
   };
   const auto harmless = [](std::string_view name) {  // only how it looks

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cstring>
 
+#include "padding/asset/excerpt.h"
 #include "padding/input/read_internal.h"
 
 static_assert(std::endian::native == std::endian::little, "binary STL is little-endian");

@@ -58,10 +58,10 @@ Point parse_point(std::string_view& line, const std::string& where, std::uint32_
   for (int k = 0; k < 3; k++) {
     const std::string_view word = next_word(line);
     if (word.empty())
-      fail(where, "line " + std::to_string(line_number) + ": a vertex needs three coordinates, here are " +
-                      std::to_string(k) + ": export the mesh again");
+      fail(where, at_line(line_number) + "a vertex needs three coordinates, here are " + std::to_string(k) +
+                      ": export the mesh again");
     if (parse_real(word, p[k]) == Number::malformed)
-      fail(where, "line " + std::to_string(line_number) + ": " + printable(word) + " is not a number" +
+      fail(where, at_line(line_number) + printable(word) + " is not a number" +
                       (word.find(',') < word.size() ? " (decimals need a point, not a comma)" : "") +
                       ": export the mesh again");
   }
@@ -71,11 +71,5 @@ Point parse_point(std::string_view& line, const std::string& where, std::uint32_
 std::string printable(std::string_view word) { return "'" + excerpt(word) + "'"; }
 
 std::string at_line(std::uint32_t line) { return "line " + std::to_string(line) + ": "; }
-
-std::string lower_case(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return lower;
-}
 
 }  // namespace padder::reading

@@ -48,7 +48,6 @@ Point parse_point(std::string_view& line, const std::string& where, std::uint32_
 
 std::string printable(std::string_view word);  // its excerpt in quotes
 
-std::string at_line(std::uint32_t line);        // "line 7: "
-std::string lower_case(std::string_view text);  // of the letters A to Z; others stay
+std::string at_line(std::uint32_t line);  // "line 7: "
 
 }  // namespace padder::reading

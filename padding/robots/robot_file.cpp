@@ -7,7 +7,6 @@
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
 #include "padding/import/xml.h"
-#include "padding/input/text.h"
 #include "padding/robots/mjcf.h"
 #include "padding/robots/urdf.h"
 
@@ -57,7 +56,7 @@ bool says_more_than_spheres(const xml_node& node) {
 }  // namespace
 
 bool is_robot_file(const fs::path& path) try {
-  const std::string ending = reading::lower_case(path.extension().string());
+  const std::string ending = ending_of(path);
   if (ending == ".urdf" || ending == ".xacro") return true;
   if (ending != ".xml") return false;
   pugi::xml_document document;
@@ -70,9 +69,7 @@ bool is_robot_file(const fs::path& path) try {
 }
 
 RobotTree read_robot(const fs::path& path, const RobotReadOptions& options) {
-  return reading::lower_case(path.extension().string()) == ".xml" && !is_urdf(path)
-             ? read_mjcf(path, options)
-             : read_urdf(path, options);
+  return ending_of(path) == ".xml" && !is_urdf(path) ? read_mjcf(path, options) : read_urdf(path, options);
 }
 
 }  // namespace padder

@@ -21,7 +21,6 @@
 #include "padding/asset/file.h"
 #include "padding/import/xml.h"
 #include "padding/input/packages.h"
-#include "padding/input/text.h"
 #include "padding/robots/mesh_file.h"
 
 namespace padder {
@@ -77,9 +76,7 @@ class UrdfReader {
 
   RobotTree read() {
     RobotTree robot;
-    robot.model.urdf = reading::lower_case(path_.extension().string()) == ".xacro"
-                           ? expanded()
-                           : read_file(path_, kMostText);
+    robot.model.urdf = ending_of(path_) == ".xacro" ? expanded() : read_file(path_, kMostText);
     robot.model.file = path_.filename().string();
     robot.model.unit = "m";
     pugi::xml_document document;

@@ -17,8 +17,7 @@ try:
 except ImportError:
     jsonschema = None
 
-BIN, ROOT = map(os.path.abspath, sys.argv[1:3])
-RESULTS = pathlib.Path(ROOT, "docs", "results")
+BIN, ROOT = (pathlib.Path(name).resolve() for name in sys.argv[1:3])
 del sys.argv[1:3]
 CUBE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n" \
        "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n"
@@ -32,16 +31,15 @@ class Case(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
-        self.folder = folder.name
+        self.folder = pathlib.Path(folder.name)
         self.write("cube.obj", CUBE)
         self.write("arm.urdf", ROBOT)
 
     def write(self, name, text):
-        with open(os.path.join(self.folder, name), "w") as f:
-            f.write(text)
+        (self.folder / name).write_text(text)
 
     def run_tool(self, name, *args, stdin=None, code=0, env=None):
-        done = subprocess.run([os.path.join(BIN, name), *args], cwd=self.folder, capture_output=True,
+        done = subprocess.run([BIN / name, *args], cwd=self.folder, capture_output=True,
                               input=None if stdin is None else stdin.encode(), env=env)
         self.assertEqual(done.returncode, code, done.stderr.decode())
         return done.stdout, done.stderr.decode()
@@ -51,8 +49,7 @@ class Case(unittest.TestCase):
 class ReportsTest(Case):
     @staticmethod
     def validator(name):
-        with open(os.path.join(ROOT, "assets", "reports", name + ".schema.json")) as f:
-            schema = json.load(f)
+        schema = json.loads((ROOT / f"assets/reports/{name}.schema.json").read_text())
         kind = jsonschema.validators.validator_for(schema)
         kind.check_schema(schema)
         return kind(schema)
@@ -71,8 +68,8 @@ class ReportsTest(Case):
         self.assertIn("error", self.report("pad", "cube.obj", "--depth", "7", code=2))
         self.report("pad", "cube.spheres.json", "-o", "cube.vtp")
         self.assertEqual(self.report("pad", "arm.urdf", "--tolerance", "10%", "--self-collision", "0")["robot"], "arm")
-        os.mkdir(os.path.join(self.folder, "parts"))
-        os.rename(os.path.join(self.folder, "cube.obj"), os.path.join(self.folder, "parts", "cube.obj"))
+        (self.folder / "parts").mkdir()
+        (self.folder / "cube.obj").rename(self.folder / "parts/cube.obj")
         self.assertEqual(self.report("pad", "parts", "-o", "out/", "--tolerance", "10%")["made"], 1)
 
     def test_detect_preview_and_settle(self):
@@ -87,14 +84,13 @@ class ReportsTest(Case):
         self.report("settle", "none.json", code=1)
 
     def test_bench(self):
-        for file in sorted(RESULTS.rglob("*.json")):
+        for file in sorted((ROOT / "docs/results").rglob("*.json")):
             with self.subTest(file):
                 self.validator("bench").validate(json.loads(file.read_text()))
-        if not os.path.exists(os.path.join(BIN, "bench")):
+        if not (BIN / "bench").exists():
             self.skipTest("bench is not built")
         stages = self.report("bench", "stages", "--spheres", "1000", "--backend", "omp", "--repeat", "1", "-o", "out", "-q")
-        with open(os.path.join(self.folder, "out", "stages.json")) as f:
-            self.assertEqual(json.load(f), stages)
+        self.assertEqual(json.loads((self.folder / "out/stages.json").read_text()), stages)
         self.report("bench", "compare", "out/stages.json", "out/stages.json", "-q")
         self.report("bench", "compare", "out/stages.json", code=2)
         with self.assertRaises(jsonschema.ValidationError):
@@ -108,12 +104,17 @@ class ReportsTest(Case):
 
 
 class StreamsTest(Case):
+    def two_cubes(self, apart):
+        """The text of scene.json."""
+        self.write("scene.json", json.dumps({"format": "padder.scene", "version": 1, "clusters": {"cube": "cube.spheres.json"},
+                                             "bodies": [{"cluster": "cube", "position": [x, 0, 0]} for x in (0, apart)]}))
+        return (self.folder / "scene.json").read_text()
+
     def test_a_mesh_from_stdin_and_the_asset_to_stdout(self):
         self.run_tool("pad", "cube.obj", "--tolerance", "10%", "-q")
         out, err = self.run_tool("pad", "-", "--input-format", "obj", "--tolerance", "10%", "-o", "-", stdin=CUBE)
         self.assertEqual(err, "")
-        with open(os.path.join(self.folder, "cube.spheres.json")) as f:
-            from_file = json.load(f)
+        from_file = json.loads((self.folder / "cube.spheres.json").read_text())
         piped = json.loads(out)
         self.assertEqual(piped["spheres"], from_file["spheres"])
         self.assertEqual((piped["name"], piped["source"]["file"]), ("stdin", "stdin.obj"))
@@ -121,42 +122,34 @@ class StreamsTest(Case):
         self.assertTrue(out.startswith(b"stdin.obj: 12 triangles"), out)  # no temporary folder
         csv, _ = self.run_tool("pad", "cube.obj", "--tolerance", "10%", "-o", "-", "--format", "dem-engine")
         self.run_tool("pad", "cube.obj", "--tolerance", "10%", "-o", "cube.csv", "-q")
-        with open(os.path.join(self.folder, "cube.csv"), "rb") as f:
-            self.assertEqual(csv, f.read())
+        self.assertEqual(csv, (self.folder / "cube.csv").read_bytes())
 
     def test_a_scene_from_stdin_and_the_contacts_to_stdout(self):
         self.run_tool("pad", "cube.obj", "--tolerance", "10%", "-q")
-        scene = json.dumps({"format": "padder.scene", "version": 1, "clusters": {"cube": "cube.spheres.json"},
-                            "bodies": [{"cluster": "cube", "position": [x, 0, 0]} for x in (0, 0.9)]})
-        self.write("scene.json", scene)
+        scene = self.two_cubes(0.9)
         self.run_tool("detect", "scene.json", "-o", "contacts.csv", "-q")
         out, err = self.run_tool("detect", "-", "-o", "-", "--format", "csv", stdin=scene)  # names are relative to here
-        with open(os.path.join(self.folder, "contacts.csv"), "rb") as f:
-            self.assertEqual(out, f.read())
+        self.assertEqual(out, (self.folder / "contacts.csv").read_bytes())
         self.assertEqual(err, "")
         self.assertGreater(out.count(b"\n"), 2)
 
     def test_a_cluster_or_a_scene_from_stdin_and_a_picture_to_stdout(self):
         self.run_tool("pad", "cube.obj", "--tolerance", "10%", "-q")
-        with open(os.path.join(self.folder, "cube.spheres.json")) as f:
-            cluster = f.read()
-        scene = json.dumps({"format": "padder.scene", "version": 1, "clusters": {"cube": "cube.spheres.json"},
-                            "bodies": [{"cluster": "cube", "position": [x, 0, 0]} for x in (0, 3)]})
-        self.write("scene.json", scene)
+        cluster = (self.folder / "cube.spheres.json").read_text()
+        scene = self.two_cubes(3)
         small = ["--size", "64x64", "--samples", "1"]
         for name, text, more in (("cube.spheres.json", cluster, []), ("scene.json", scene, []), ("cube.spheres.json", cluster, ["--copies", "3"])):
             with self.subTest((name, more)):
                 self.run_tool("preview", name, "-o", "file.png", "-q", *small, *more)
                 out, err = self.run_tool("preview", "-", "-o", "-", "--format", "png", *small, *more, stdin=text)
                 self.assertEqual(err, "")
-                with open(os.path.join(self.folder, "file.png"), "rb") as f:
-                    self.assertEqual(out, f.read())
+                self.assertEqual(out, (self.folder / "file.png").read_bytes())
 
     def test_what_scripts_say_of_colours_is_taken(self):
         self.run_tool("pad", "cube.obj", "--tolerance", "10%", "--color=never")
         for name, args in (("detect", ["cube.spheres.json"]), ("preview", ["cube.spheres.json", "-o", "c.html"]), ("bench", ["--list"]),
                            ("settle", ["--make", "silo", "--count", "300", "-o", "silo.json"])):
-            if os.path.exists(os.path.join(BIN, name)):
+            if (BIN / name).exists():
                 self.run_tool(name, *args, "--colour", "never")
         self.assertIn("never", self.run_tool("detect", "cube.spheres.json", "--colour", "green", code=2)[1])
 
@@ -179,7 +172,7 @@ class StreamsTest(Case):
                 ("preview", ["-", "-o", "-", "--format", "png", "--json"], "{", 2, "--json"),
                 ("preview", ["-", "-o", "-", "--format", "png"], "{", 1, "the standard input")):
             with self.subTest((name, args)):
-                env = {**os.environ, "TMPDIR": self.folder}
+                env = {**os.environ, "TMPDIR": str(self.folder)}
                 _, err = self.run_tool(name, *args, stdin=stdin, code=code, env=env)
                 self.assertIn(words, err)
                 self.assertEqual(err.count("\n"), 1, err)

@@ -22,6 +22,8 @@ ReadResult as_file(const Mesh& mesh) {
   return file;
 }
 
+const Mesh kCube = shapes::box({0, 0, 0}, {1, 1, 1});
+
 bool in_spheres(const Cluster& c, const Point& p, double more = 0) { return gap_to(balls_of(c), p) <= more; }
 
 void expect_refused(const Mesh& mesh, const PadOptions& options, const std::string& says) {
@@ -34,7 +36,7 @@ TEST(Pad, ClosedFormsAreMetWithinTheCaps) {
     Mesh mesh;
     double volume;
   };
-  const Case cases[] = {{"cube", shapes::box({0, 0, 0}, {1, 1, 1}), 1},
+  const Case cases[] = {{"cube", kCube, 1},
                         {"sphere", shapes::sphere(6), 4 / 3. * std::numbers::pi},
                         {"torus", shapes::torus(1, 0.3, 200, 60), 2 * std::pow(std::numbers::pi * 0.3, 2)},
                         {"plate 1000:1", shapes::box({0, 0, 0}, {1, 1, 0.001}), 0.001}};
@@ -56,7 +58,7 @@ TEST(Pad, NoSphereIsRefused) {
   PadOptions inner{.tolerance = Length::share(0.05), .protrusion = Length::of(0)};
   expect_refused(shapes::square(1), inner, "part.obj: no sphere lies inside of it");
   inner.min_radius = Length::share(0.5);
-  expect_refused(shapes::box({0, 0, 0}, {1, 1, 1}), inner, "no sphere is as large");
+  expect_refused(kCube, inner, "no sphere is as large");
   Mesh bar = shapes::box({0, 0, 0}, {1, 1e-4, 1e-4}), crossing = bar;
   crossing.add(mapped(shapes::turned_over(bar),
                       [](const Point& p) { return Point(p.y() + 0.5, p.x() - 0.5, p.z()); }));
@@ -76,29 +78,19 @@ void expect_same(const Cluster& a, const Cluster& b, double scale,
   EXPECT_LT(worst, 1e-9);
 }
 
-TEST(Pad, MovedAndScaledInputGivesTheSameSpheresMovedAndScaled) {
-  for (std::uint64_t seed = 1; seed <= 2; seed++) {
+// Each has the edge length in its own unit: the diagonal of its box changes with the turn.
+TEST(Pad, TurnedMovedAndScaledInputGivesTheSameSpheres) {
+  const auto padded = [](const Mesh& mesh, double scale) {
+    return pad(as_file(mesh), {.edge_length = Length::of(0.2 * scale)}).cluster;
+  };
+  for (std::uint64_t seed = 1; seed <= 3; seed++) {
     shapes::RandomInput random(seed);
     const Mesh mesh = shapes::blob(random);
-    PadOptions options{.edge_length = Length::share(0.06)};
-    const Cluster plain = pad(as_file(mesh), options).cluster;
     const double s = std::exp(random.uniform(-9, 9));
-    const Vector shift = s * random.point(2);
-    const auto similar = [&](const Point& p) -> Point { return s * p + shift; };
-    expect_same(plain, pad(as_file(mapped(mesh, similar)), options).cluster, s, similar);
-  }
-}
-
-TEST(Pad, TurnedInputGivesTheSameSpheresTurned) {
-  for (std::uint64_t seed = 1; seed <= 2; seed++) {
-    shapes::RandomInput random(seed);
-    const Mesh mesh = shapes::blob(random);
-    const PadOptions options{.edge_length = Length::of(0.2)};  // the box's diagonal changes with the turn
-    const Cluster plain = pad(as_file(mesh), options).cluster;
     const Eigen::Matrix3d turn = random.rotation();
-    const Vector shift = random.point(2);
-    const auto rigid = [&](const Point& p) -> Point { return turn * p + shift; };
-    expect_same(plain, pad(as_file(mapped(mesh, rigid)), options).cluster, 1, rigid);
+    const Vector shift = s * random.point(2);
+    const auto similar = [&](const Point& p) -> Point { return s * (turn * p) + shift; };
+    expect_same(padded(mesh, 1), padded(mapped(mesh, similar), s), s, similar);
   }
 }
 
@@ -118,14 +110,14 @@ TEST(Pad, TinyAndHugeBodies) {
 }
 
 TEST(Pad, FarFromTheOriginKeepsItsDigits) {
-  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}), {1e7, 1e7, 1e7});
+  const Mesh mesh = moved(kCube, {1e7, 1e7, 1e7});
   const Padded p = pad(as_file(mesh), {});
   EXPECT_NEAR(p.cluster.mass.volume, 1, 1e-6);
   EXPECT_LT(p.cluster.accuracy.protrusion_max, 0.01);
 }
 
 TEST(Pad, WhatCannotBeWrittenDownIsNotCertified) {
-  const Mesh mesh = moved(shapes::box({0, 0, 0}, {1, 1, 1}), {1e15, 1e15, 1e15});
+  const Mesh mesh = moved(kCube, {1e15, 1e15, 1e15});
   const Padded p = pad(as_file(mesh), {.tolerance = Length::share(0.01)});
   EXPECT_FALSE(p.cluster.accuracy.certified);
   EXPECT_TRUE(holds(p.report.reason, "move the mesh"));
@@ -158,8 +150,7 @@ TEST(Pad, TheReasonForOpenSurfaceIsTrue) {
 TEST(Pad, AMassOfAPartIsTold) {
   const auto warnings = [](double edge, RepairMode mode) {
     const Mesh sheet = moved(shapes::square(edge), {3, 0, 0});
-    return pad(as_file(joined(shapes::box({0, 0, 0}, {1, 1, 1}), sheet)),
-               {.tolerance = Length::share(0.05), .repair = mode})
+    return pad(as_file(joined(kCube, sheet)), {.tolerance = Length::share(0.05), .repair = mode})
         .report.warnings;
   };
   const auto told = warnings(2, RepairMode::automatic);  // 4 of 10
@@ -198,7 +189,7 @@ TEST(Pad, ASheetIsSaidToBeOne) {
 // Caps that are so flat would cover a box by tens of millions of spheres.
 TEST(Pad, ADepthRatioThatWouldNeverEndIsRefused) {
   try {
-    pad(as_file(shapes::box({0, 0, 0}, {1, 1, 1})), {.depth_ratio = 1e-6});
+    pad(as_file(kCube), {.depth_ratio = 1e-6});
     FAIL() << "it came to an end";
   } catch (const Error& e) {
     EXPECT_TRUE(holds(e.what(), "a depth ratio of 1e-06 would need more than")) << e.what();
@@ -213,7 +204,7 @@ Padded by_tolerance(const Mesh& mesh, double share, PadOptions options = {}) {
 }
 
 TEST(Pad, AToleranceIsKeptAndProved) {
-  for (const auto& [name, mesh] : {std::pair<std::string, Mesh>{"cube", shapes::box({0, 0, 0}, {1, 1, 1})},
+  for (const auto& [name, mesh] : {std::pair<std::string, Mesh>{"cube", kCube},
                                    {"torus", shapes::torus(1, 0.3, 60, 20)},
                                    {"plate", shapes::box({0, 0, 0}, {1, 1, 0.02})}}) {
     SCOPED_TRACE(name);
@@ -289,7 +280,7 @@ TEST(Pad, WhatAGrainCannotReachIsNotPadded) {
 TEST(Pad, RadiusLimitsAreKept) {
   for (const double limit : {0.1, 0.07}) {  // to the last digit
     PadOptions options{.max_radius = Length::of(limit)};
-    const Cluster c = by_tolerance(shapes::box({0, 0, 0}, {1, 1, 1}), 0.02, options).cluster;
+    const Cluster c = by_tolerance(kCube, 0.02, options).cluster;
     for (const double r : c.radii) EXPECT_LE(r, limit);
     EXPECT_TRUE(c.accuracy.certified);
   }
@@ -315,8 +306,7 @@ double largest_protrusion(const Mesh& mesh, const Cluster& c, int points) {
 // With --repair never, only the certificate checks the surface.
 TEST(Pad, WhatIsCertifiedWithoutRepairIsTrue) {
   const Mesh inverted = shapes::turned_over(shapes::box({0, 0, 0}, {1, 1, 1}, 2));
-  const Mesh crossing =
-      joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}));
+  const Mesh crossing = joined(kCube, shapes::box({0.5, 0.25, 0.25}, {1.5, 0.75, 0.75}));
   const Mesh half = joined(shapes::box({2, 0, 0}, {4, 1, 1}), inverted);
   for (const auto& [name, mesh] :
        {std::pair<std::string, Mesh>{"inverted", inverted}, {"crossing", crossing}, {"half", half}})
@@ -342,7 +332,7 @@ TEST(Pad, WhatIsCertifiedWithoutRepairIsTrue) {
 
 // A cube with a fin of one square on its top, which bounds nothing: in colours of its own, a sheet.
 TEST(Pad, ASheetOfABodyIsMarked) {
-  const Mesh mesh = joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::fin({0.2, 0.5, 1}, {0.8, 0.5, 1.4}));
+  const Mesh mesh = joined(kCube, shapes::fin({0.2, 0.5, 1}, {0.8, 0.5, 1.4}));
   const Padded p = by_tolerance(mesh, 0.05, {.effort = 0});
   EXPECT_EQ(p.report.kind, BodyKind::solid);
   EXPECT_TRUE(p.cluster.accuracy.certified);
@@ -355,7 +345,7 @@ TEST(Pad, ASheetOfABodyIsMarked) {
 // The unit cube with a fin, whose distances have closed forms.
 struct FinnedCube {
   const Point from{1, 0.2, 0.2}, to{1.6, 0.2, 0.8};  // of the fin
-  Mesh mesh = joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::fin(from, to));
+  Mesh mesh = joined(kCube, shapes::fin(from, to));
 
   double to_cube(const Point& p) const { return (p - p.cwiseMax(0).cwiseMin(1)).norm(); }
   double to_fin(const Point& p) const { return (p - p.cwiseMax(from).cwiseMin(to)).norm(); }
@@ -467,8 +457,7 @@ TEST(Pad, AThicknessThatDoesNothingIsRefused) {
 
 // By depth ratio, a body of pieces that cross is remeshed as evenly as one that was whole.
 TEST(Pad, CrossingPiecesMakeNoMoreSpheresByDepthThanTheirAreaAsksFor) {
-  const Mesh mesh =
-      joined(shapes::box({0, 0, 0}, {1, 1, 1}), shapes::box({1e-6, 1e-5, 0.3}, {1.5, 0.7, 0.8}));
+  const Mesh mesh = joined(kCube, shapes::box({1e-6, 1e-5, 0.3}, {1.5, 0.7, 0.8}));
   const Padded p = pad(as_file(mesh), {.depth_ratio = 0.2, .edge_length = Length::of(0.05)});
   EXPECT_TRUE(p.cluster.accuracy.certified);
   EXPECT_LT(p.report.quality.share_under_20_deg, 0.02);
@@ -496,8 +485,7 @@ TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
   EXPECT_TRUE(filled.cluster.accuracy.certified);  // the patch is named, and is no reason against it
   EXPECT_EQ(filled.cluster.mass_of, SurfaceKind::filled);
 
-  const Padded wrap =
-      by_tolerance(shapes::box({0, 0, 0}, {1, 1, 1}), 0.05, {.effort = 0, .repair = RepairMode::wrap});
+  const Padded wrap = by_tolerance(kCube, 0.05, {.effort = 0, .repair = RepairMode::wrap});
   EXPECT_EQ(basis(wrap), SurfaceKind::wrap);
   EXPECT_TRUE(wrap.cluster.accuracy.certified);
   EXPECT_EQ(wrap.cluster.mass_of, SurfaceKind::wrap);
@@ -546,7 +534,7 @@ TEST(Pad, AWrapKeepsTheToleranceAgainstTheInput) {
 // Each triangle has corners of its own, a hair off those of its neighbours, and every third one is turned.
 // With a gap of 0 nothing is moved; the body must be covered all the same, and not as if it were a sheet.
 TEST(Pad, AGapOf0CoversTheInsideOfABodyWithHairCracks) {
-  Mesh cracked = shapes::with_corners_off(shapes::box({0, 0, 0}, {1, 1, 1}), 1e-8);
+  Mesh cracked = shapes::with_corners_off(kCube, 1e-8);
   for (std::size_t t = 0; t < cracked.triangles.size(); t += 3)
     std::swap(cracked.triangles[t][1], cracked.triangles[t][2]);
   shapes::RandomInput random(1);
@@ -570,7 +558,7 @@ TEST(Pad, NoWrapKeepsAProtrusionOf0) {
   for (const double gap : {0.05, 0.2}) {
     PadOptions options{.protrusion = Length::of(0), .gap = Length::share(gap), .effort = 0};
     options.repair = RepairMode::wrap;
-    const Padded p = pad(as_file(shapes::box({0, 0, 0}, {1, 1, 1})), options);
+    const Padded p = pad(as_file(kCube), options);
     EXPECT_FALSE(p.report.within);
     EXPECT_TRUE(holds(p.report.reason, "because the wrap stands off the input by up to")) << p.report.reason;
     EXPECT_TRUE(holds(p.report.reason, "use a --protrusion above 0")) << p.report.reason;
@@ -593,9 +581,8 @@ TEST(Pad, AWrapOfLooseTrianglesIsCertified) {
 // may stand out of the closed box by no more than the tolerance less the crack.
 TEST(Pad, TheWidthOfAClosedCrackIsTakenOffTheTolerance) {
   const double crack = 1.5e-4, tolerance = 0.02;
-  const Mesh mesh =
-      joined(shapes::without(shapes::box({0, 0, 0}, {1, 1, 1}), [](auto p) { return p.z() == 1; }),
-             moved(shapes::square(1, 3), {0, 0, 1 + crack}));
+  const Mesh mesh = joined(shapes::without(kCube, [](auto p) { return p.z() == 1; }),
+                           moved(shapes::square(1, 3), {0, 0, 1 + crack}));
   PadOptions whole, each, inner, few;
   whole.tolerance = each.tolerance = inner.tolerance = few.tolerance = Length::of(tolerance);
   each.gap = Length::of(0.03), inner.protrusion = Length::of(0), few.max_spheres = 1000;
@@ -695,17 +682,13 @@ TEST(Pad, EachSphereTouchesItsTriangleOfTheMesh) {
 }
 
 TEST(Pad, RefusesWhatCannotBeDone) {
-  PadOptions options{.depth_ratio = 2};
-  EXPECT_THROW(pad(as_file(shapes::sphere(1)), options), Error);
   EXPECT_THROW(pad(as_file({{{1, 1, 1}}, {{0, 0, 0}}}), {}), Error);
   EXPECT_THROW(pad_file("no_such_file.obj", {}, {}), Error);
-  PadOptions both{.lod = {Length::share(0.01)}};
+  PadOptions too_deep{.depth_ratio = 2}, negative{.tolerance = Length::of(-1)},
+      beyond{.tolerance = Length::share(2)}, both{.lod = {Length::share(0.01)}};
   both.tolerance = Length::share(0.01);
-  EXPECT_THROW(pad(as_file(shapes::sphere(2)), both), Error);
-  PadOptions negative{.tolerance = Length::of(-1)};
-  EXPECT_THROW(pad(as_file(shapes::sphere(2)), negative), Error);
-  PadOptions beyond{.tolerance = Length::share(2)};
-  EXPECT_THROW(pad(as_file(shapes::sphere(2)), beyond), Error);
+  for (const PadOptions& options : {too_deep, negative, beyond, both})
+    EXPECT_THROW(pad(as_file(shapes::sphere(2)), options), Error);
   beyond.force = true;
   EXPECT_EQ(pad(as_file(shapes::sphere(2)), beyond).cluster.size(), 1u);
 }

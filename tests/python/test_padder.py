@@ -141,7 +141,7 @@ def test_an_object_made_without_its_constructor_is_refused(kind):
 
 
 # In a process of its own, because it once ended the interpreter.
-def test_pickle_of_an_old_protocol_is_refused(tmp_path):
+def test_pickle_of_an_old_protocol_is_refused():
     script = f"""
 import numpy as np, padder, pickle
 cluster = padder.pad(np.array({CUBE.tolist()}), np.array({FACES.tolist()}), tolerance="20%")

@@ -8,6 +8,7 @@ and a sentence, where the program is not there.
 """
 import json
 import os
+import pathlib
 import shutil
 import subprocess
 import sys
@@ -98,9 +99,8 @@ def f3d_reads(spheres):
         # It looks at the middle of what it shows. glTF has Y up.
         focal = next(line.split(":")[1] for line in output.splitlines() if line.startswith("Camera focal point"))
         expect(f"{ending}: middle", np.array(focal.split(","), dtype=float), [x, z, -y] if ending == "glb" else [x, y, z], 0.02)
-        with open("seen.png", "rb") as picture:
-            if len(picture.read()) < 2000:
-                sys.exit(f"{ending}: the picture shows nothing")
+        if os.path.getsize("seen.png") < 2000:
+            sys.exit(f"{ending}: the picture shows nothing")
 
 
 LIGGGHTS = """
@@ -136,18 +136,16 @@ def liggghts_reads(spheres):
         skip("LIGGGHTS is not there (Debian: liggghts)")
     pad("--format", "liggghts", "-o", "box.txt")
     pad("-o", "box.spheres.json")
-    with open("in.box", "w") as script:
-        script.write(LIGGGHTS.format(count=len(spheres)))
+    pathlib.Path("in.box").write_text(LIGGGHTS.format(count=len(spheres)))
     environment = dict(os.environ, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
     output = run(["liggghts", "-in", "in.box"], env=environment)
     print(output.splitlines()[0])
     # It measures the union itself, by a million random points.
     mass = float(output.split("inserted 1 particle templates (mass ")[1].split(")")[0])
-    with open("box.spheres.json") as part:
-        volume = json.load(part)["volume_union"]
+    volume = json.loads(pathlib.Path("box.spheres.json").read_text())["volume_union"]
     expect("liggghts: volume", mass / 2500, volume, 0.005 * volume)
-    with open("spheres.dump") as dump:
-        found = np.array([line.split() for line in dump.read().split("radius \n")[-1].splitlines()], dtype=float)
+    dump = pathlib.Path("spheres.dump").read_text()
+    found = np.array([line.split() for line in dump.split("radius \n")[-1].splitlines()], dtype=float)
     expect("liggghts: radii", np.sort(found[:, 3]), np.sort(spheres[:, 3]), 1e-5)
     # It turns a body into its own frame: what must agree is how far each sphere is from each other one.
 
@@ -190,8 +188,7 @@ def yade_reads(spheres):
     if not shutil.which("yade"):
         skip("YADE is not there (Debian: yade)")
     pad("--format", "yade", "-o", "box.txt")
-    with open("check.py", "w") as script:
-        script.write(YADE)
+    pathlib.Path("check.py").write_text(YADE)
     output = run(["yade", "-n", "-x", "check.py"])
     numbers = {}
     for line in output.splitlines():

@@ -44,6 +44,7 @@ class HostileTest(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="padder hostile ß ")
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
+        self.put("cube.obj", CUBE)
 
     def put(self, name, content):
         data = content if isinstance(content, bytes) else content.encode()
@@ -161,7 +162,7 @@ class HostileTest(unittest.TestCase):
                 self.sentence("make_assets", *words, text, code=2, says=f'"{text}" is no whole number in decimal digits')
             for option in ("--max-spheres", "--effort", "--family", "--robot-spheres", "--self-collision", "--workers", "--threads"):
                 self.sentence("pad", "absent.obj", option, text, code=2, says=f'"{text}" is no whole number in decimal digits')
-        self.assertEqual(self.files(), set())
+        self.assertEqual(self.files(), {"cube.obj"})
 
     def test_more_threads_than_a_stack_holds(self):
         self.put("a.obj", CUBE)
@@ -199,7 +200,6 @@ class HostileTest(unittest.TestCase):
                 os.unlink(self.folder / name)
 
     def test_links_and_pipes_and_devices(self):
-        self.put("cube.obj", CUBE)
         os.symlink("loop.obj", self.folder / "loop.obj")
         os.symlink("absent.obj", self.folder / "dangling.obj")
         os.symlink("/dev/zero", self.folder / "zero.obj")
@@ -257,7 +257,6 @@ class HostileTest(unittest.TestCase):
         json.loads(done.stdout)
         self.sentence("pad", "a" * 300 + ".obj")
         for words in (["-o", "a" * 300], ["--preview", "a" * 300], ["--unit", "new\nline"]):
-            self.put("cube.obj", CUBE)
             self.sentence("pad", "cube.obj", *QUICK, *words, code=2 if "--unit" in words else 1)
 
     def as_nobody(self):
@@ -269,7 +268,7 @@ class HostileTest(unittest.TestCase):
 
     def test_what_may_not_be_read_or_written(self):
         drop = self.as_nobody()
-        self.put("cube.obj", CUBE), self.put("secret.obj", CUBE)
+        self.put("secret.obj", CUBE)
         os.chmod(self.folder / "secret.obj", 0)
         os.mkdir(self.folder / "closed", 0o555), os.mkdir(self.folder / "hidden", 0o000)
         os.chmod(self.folder / "closed", 0o555), os.chmod(self.folder / "hidden", 0o000)
@@ -286,7 +285,6 @@ class HostileTest(unittest.TestCase):
 
     @unittest.skipIf(b"__tsan_init" in SANITIZERS, "the thread sanitizer writes files of its own when it begins")
     def test_a_limit_of_file_sizes_leaves_nothing(self):
-        self.put("cube.obj", CUBE)
         for ending in (".spheres.json", ".npz", ".vtp", ".glb", ".yaml"):
             self.put("a" + ending, "old")
             self.sentence("pad", "cube.obj", "-o", "a" + ending, "--tolerance", "2%", "--effort", "0",
@@ -298,7 +296,6 @@ class HostileTest(unittest.TestCase):
     @unittest.skipIf(SANITIZERS, "a sanitizer needs terabytes of addresses")
     def test_a_limit_of_memory_leaves_a_sentence_or_an_asset(self):
         """Wherever memory runs out, there is one line on stderr and no half asset."""
-        self.put("cube.obj", CUBE)
         for megabytes in (32, 40, 48, 56, 64, 80, 96):
             most = megabytes << 20
             done = self.tool("pad", "cube.obj", "--tolerance", "0.5%", "--effort", "0", "--threads", "2", "-q",
@@ -312,7 +309,6 @@ class HostileTest(unittest.TestCase):
     @unittest.skipIf(SANITIZERS, "a sanitizer needs terabytes of addresses")
     def test_one_file_has_limits_too(self):
         """--memory and --seconds without a manifest: a sentence, nothing half-written, and no more memory than was given."""
-        self.put("cube.obj", CUBE)
         heavy = ["cube.obj", "--depth", "0.1", "--edge-length", "0.1%", "--threads", "1"]
         before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
         err = self.sentence("pad", *heavy, "--memory", "100M", says="--memory")
@@ -328,7 +324,6 @@ class HostileTest(unittest.TestCase):
         self.works("pad", "cube.obj", "-q", *QUICK, "--memory", "1G", "--seconds", "60")
 
     def test_no_folder_for_temporary_files(self):
-        self.put("cube.obj", CUBE)
         self.sentence("pad", "cube.obj", "-o", "-", *QUICK, says="TMPDIR", limit=lambda: os.putenv("TMPDIR", "/nonexistent"))
 
     def run_to_nobody(self, name, *words, **more):
@@ -340,7 +335,6 @@ class HostileTest(unittest.TestCase):
         return done
 
     def test_pipes_that_close_early(self):
-        self.put("cube.obj", CUBE)
         for words in (["cube.obj", "--json"], ["--help"]):
             done = self.run_to_nobody("pad", *words, *(QUICK if words[0] != "--help" else []))
             # Ended by the signal, as a shell's pipes expect, or with a sentence: Python ignores SIGPIPE for its children unless told otherwise.
@@ -352,7 +346,7 @@ class HostileTest(unittest.TestCase):
         self.assertEqual((done.returncode, done.stderr.count(b"\n")), (1, 1))
 
     def test_standard_streams_that_are_closed(self):
-        self.put("cube.obj", CUBE), self.put("list", "cube.obj\n")
+        self.put("list", "cube.obj\n")
         for words in (["cube.obj"], ["--manifest", "list", "-o", "out"], ["cube.obj", "-o", "-"]):
             for closed in ((0,), (1,), (2,), (0, 1), (0, 1, 2)):
                 with self.subTest(words=words, closed=closed):
@@ -367,7 +361,6 @@ class HostileTest(unittest.TestCase):
             self.assertIn(made, self.files())
 
     def test_a_reader_that_ends_leaves_no_temporary_file(self):
-        self.put("cube.obj", CUBE)
         self.works("pad", "cube.obj", "-q", *QUICK)
         temporary = self.folder / "tmp"
         os.mkdir(temporary)
@@ -422,7 +415,6 @@ class HostileTest(unittest.TestCase):
                 self.sentence("pad", "m.xml", *QUICK, "-o", "out.urdf", says=says)
 
     def test_a_manifest_may_not_name_what_pad_keeps(self):
-        self.put("cube.obj", CUBE)
         for output, words, says in ((".pad/1-of-1.jsonl", [], "(.pad)"), ("./.pad/x", [], "(.pad)"), ("index.html", ["--page"], "(index.html)"),
                                     (".", [], "no file below"), ("a/..", [], "no file below")):
             with self.subTest(output):
@@ -501,7 +493,6 @@ class HostileTest(unittest.TestCase):
 
     def test_what_cannot_be_written_is_said_before_the_work(self):
         drop = self.as_nobody()
-        self.put("cube.obj", CUBE)
         self.works("pad", "cube.obj", "-q", *QUICK)
         self.put("long.json", scene(settle={"time_step": 1e-6, "duration": 1e6}))
         os.mkdir(self.folder / "closed"), os.chmod(self.folder / "closed", 0o555)
@@ -520,7 +511,6 @@ class HostileTest(unittest.TestCase):
             self.assertFalse((self.folder / "fresh").exists())
 
     def test_options_that_would_do_nothing(self):
-        self.put("cube.obj", CUBE)
         self.works("pad", "cube.obj", "-q", *QUICK)
         self.put("seed.json", scene(settle={"seed": -1})), self.put("s.json", scene())
         if (BIN / "settle").exists():
@@ -539,7 +529,6 @@ class HostileTest(unittest.TestCase):
         self.sentence("make_assets", "hopper", "--segments", "20", code=2, says="hopper: ")
         self.sentence("detect", "absent.npy", "--copies", "2", code=2, says="--copies")
         self.sentence("detect", "absent.npy", says="there is no such file")
-        self.put("cube.obj", CUBE)
         long = "a" * 300
         self.sentence("pad", "cube.obj", "-o", long + ".vtp", *QUICK, says="shorter name")
         os.symlink("loop.npz", self.folder / "loop.npz")
@@ -554,7 +543,6 @@ class HostileTest(unittest.TestCase):
 
     def test_a_kill_while_writing_leaves_no_half_asset(self):
         """As soon as something is written: under the final name there is the old file, or the new one as a whole."""
-        self.put("cube.obj", CUBE)
         words = [BIN / "pad", "cube.obj", "-q", "--depth", "0.5", "--edge-length", "4%", "--repair", "never"]
         subprocess.run(words, cwd=self.folder, check=True)
         asset = self.folder / "cube.spheres.json"

@@ -27,6 +27,7 @@ import zlib
 CUBE = ("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n"
         "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n")
 QUICK = ["--tolerance", "10%", "--effort", "0"]
+PARTS = ["--manifest", "parts/list.txt", "-o", "out", *QUICK]
 SLOW = "slow.obj --depth 0.1 --edge-length 0.1%"  # of a track shoe: a minute
 
 
@@ -66,9 +67,6 @@ class ManifestTest(unittest.TestCase):
         (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
         (self.folder / name).write_text(text)
 
-    def scaled(self, factor):
-        return CUBE.replace(" 1", f" {factor}", 12) if factor != 1 else CUBE
-
     def run_pad(self, *arguments, code=0, **more):
         done = pad(*arguments, cwd=self.folder, **more)
         self.assertEqual(done.returncode, code, done.stderr)
@@ -81,11 +79,11 @@ class ManifestTest(unittest.TestCase):
         report = self.run_json(*arguments, code=code)
         return report["made"], report["up_to_date"], report["failed"]
 
-    def some(self, number, manifest="parts/list.txt"):
+    def some(self, number):
         for k in range(number):
             self.put(f"parts/{k}.obj")
-        self.put(manifest, "".join(f"{k}.obj\n" for k in range(number)))
-        return "--manifest", manifest, "-o", "out", *QUICK
+        self.put("parts/list.txt", "".join(f"{k}.obj\n" for k in range(number)))
+        return PARTS
 
     def put_arm(self):
         shutil.copytree(pathlib.Path(__file__).resolve().parent.parent / "data/robot", self.folder / "robot")
@@ -239,7 +237,7 @@ class ManifestTest(unittest.TestCase):
         self.put("parts/list.txt", f"a.obj\n{SLOW} --seconds 0.5\nb.obj\n"
                  "slow.obj --memory 4M -o large.spheres.json\n")
         begin = time.monotonic()
-        report = self.run_json("--manifest", "parts/list.txt", "-o", "out", *QUICK, code=1)
+        report = self.run_json(*PARTS, code=1)
         self.assertLess(time.monotonic() - begin, 60)
         self.assertIn("--seconds", report["records"][1]["error"])
         if any(name in (BIN / "pad").read_bytes() for name in (b"__asan_init", b"__tsan_init")):
@@ -252,7 +250,7 @@ class ManifestTest(unittest.TestCase):
         self.put("parts/a.obj")
         shutil.copy(ASSETS / "track_shoe.obj", self.folder / "parts/slow.obj")
         self.put("parts/list.txt", f"{SLOW}\na.obj\n")
-        run = start("--manifest", "parts/list.txt", "-o", "out", *QUICK, "--workers", "1", cwd=self.folder)
+        run = start(*PARTS, "--workers", "1", cwd=self.folder)
         children = pathlib.Path(f"/proc/{run.pid}/task/{run.pid}/children")
         if not children.exists():
             run.kill(), run.communicate()
@@ -269,7 +267,7 @@ class ManifestTest(unittest.TestCase):
         self.put("parts/a.obj")
         shutil.copy(ASSETS / "track_shoe.obj", self.folder / "parts/slow.obj")
         self.put("parts/list.txt", f"a.obj\n{SLOW}\n")
-        words = "--manifest", "parts/list.txt", "-o", "out", *QUICK, "--workers", "1"
+        words = [*PARTS, "--workers", "1"]
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             shutil.rmtree(self.folder / "out", ignore_errors=True)  # a new record says that the run is under way
             run = start(*words, cwd=self.folder)

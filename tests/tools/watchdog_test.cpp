@@ -39,15 +39,6 @@ Ended process(const Work& work, const char* factor = nullptr) {
   return e;
 }
 
-TEST(Watchdog, EndsWhatDoesNotAnswer) {
-  const Ended e = process([] {
-    const Watchdog limit("sleeper", 0.5);
-    sleep_for(120);
-  });
-  EXPECT_EQ(e.code, Watchdog::kEnded);
-  EXPECT_EQ(e.said, "sleeper: no answer after 0.5 s, ended\n");
-}
-
 TEST(Watchdog, TheInnerScopeHasItsOwnLimit) {
   const Ended e = process([] {
     const Watchdog outer("outer", 100);

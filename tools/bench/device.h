@@ -22,6 +22,14 @@ inline constexpr bool kWithCuda = true;
 inline constexpr bool kWithCuda = false;
 #endif
 
+// Contacts stay where the backend has them.
+inline detect::CallOptions options_of(const Settings& s, detect::BackendKind backend) {
+  detect::CallOptions o;
+  o.threads = s.threads;
+  if (backend == detect::BackendKind::cuda) o.output = detect::Memory::device;
+  return o;
+}
+
 // An array in the memory of a GPU.
 class DeviceArray {
  public:

@@ -59,9 +59,8 @@ class Table {
     std::vector<std::string> cells = {part.name, std::to_string(c.bodies), number(c.spacing, "%g")};
     std::uint64_t count = 0, hash = 0;
     const auto measure = [&](const char* key, Bodies bodies, Order order, bool moving) {
-      detect::CallOptions o;
-      o.threads = s.threads, o.width = detect::Width::normals, o.bodies = bodies, o.order = order;
-      if (cuda) o.output = detect::Memory::device;
+      detect::CallOptions o = options_of(s, backend);
+      o.width = detect::Width::normals, o.bodies = bodies, o.order = order;
       detect::Detector d({backend}, o);
       std::size_t next = 0;
       const auto call = [&]() -> const detect::Contacts& {

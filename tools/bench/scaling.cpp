@@ -38,9 +38,7 @@ class Table {
     const Settings& s = settings_;
     const bool cuda = backend == detect::BackendKind::cuda;
     say(s, scene + " " + std::to_string(n) + " " + name_of(backend));
-    detect::CallOptions o;
-    o.threads = s.threads;
-    if (cuda) o.output = detect::Memory::device;
+    detect::CallOptions o = options_of(s, backend);
     detect::Detector d({backend}, o);
     const int repeat = std::max(s.repeat, cuda ? 11 : 3);
     const auto timed = [&](Precision p, Order how, Width w) {

@@ -147,10 +147,8 @@ class Table {
     say(s, name + " " + std::to_string(n) + " " + name_of(backend));
     const std::vector<FloatSphere> spheres = uneven_scene(*r.scene, n);
     Frames frames(spheres, s.moving ? (n > 2000000 ? 5 : 9) : 1, r.layout, cuda);
-    detect::CallOptions o;
-    o.threads = s.threads;
+    detect::CallOptions o = options_of(s, backend);
     o.order = s.stable ? detect::Order::stable : detect::Order::any;
-    if (cuda) o.output = detect::Memory::device;
     detect::Detector d({backend}, o);
     const int calls = std::max(s.repeat, cuda ? 21 : 3);
     Times standing = timed(d, frames, calls, false);

@@ -74,9 +74,8 @@ constexpr Case kCases[] = {
 
 double median_of(const Settings& s, detect::BackendKind backend, detect::Bodies way,
                  const detect::Input& input, std::uint64_t& contacts) {
-  detect::CallOptions o;
-  o.threads = s.threads, o.width = detect::Width::normals, o.bodies = way, o.order = detect::Order::any;
-  if (backend == detect::BackendKind::cuda) o.output = detect::Memory::device;
+  detect::CallOptions o = options_of(s, backend);
+  o.width = detect::Width::normals, o.bodies = way, o.order = detect::Order::any;
   detect::Detector d({backend}, o);
   std::uint64_t count = 0;
   const auto call = [&] { count = detect_watched(d, input).count; };

@@ -16,9 +16,8 @@ Json stages(const Settings& s) {
     const std::vector<detect::FloatSphere> spheres = detect::generate("dense", n);
     for (const detect::BackendKind backend : backends(s))
       for (const detect::Path path : {detect::Path::nine_stages, detect::Path::grid}) {
-        detect::CallOptions o;
-        o.threads = s.threads, o.path = path, o.timings = true;
-        if (backend == detect::BackendKind::cuda) o.output = detect::Memory::device;
+        detect::CallOptions o = options_of(s, backend);
+        o.path = path, o.timings = true;
         const DeviceSpheres device(spheres, backend == detect::BackendKind::cuda);
         detect::Detector d({backend}, o);
         std::vector<detect::Seconds> runs;

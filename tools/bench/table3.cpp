@@ -62,16 +62,14 @@ std::vector<detect::FloatSphere> grains_of(const settle::System& s) {
 
 // A call of the detector with normals, between two states of the silo 50 steps apart: what a program pays
 // that keeps the detector's list. With a history and without.
-std::pair<double, double> detection_calls(settle::Stepper& stepper, detect::BackendKind backend,
-                                          int threads) {
+std::pair<double, double> detection_calls(settle::Stepper& stepper, const Settings& s,
+                                          detect::BackendKind backend) {
   const bool cuda = backend == detect::BackendKind::cuda;
   const DeviceSpheres before(grains_of(stepper.system()), cuda);
   stepper.step(50);
   const std::vector<detect::FloatSphere> later = grains_of(stepper.system());
   const DeviceSpheres after(later, cuda);
-  detect::CallOptions options;
-  options.threads = threads;
-  options.output = cuda ? detect::Memory::device : detect::Memory::host;
+  detect::CallOptions options = options_of(s, backend);
   const auto call = [&](bool history) {
     options.history = history;
     detect::Detector detector({backend}, options);
@@ -156,7 +154,7 @@ Json measure(const Settings& s, std::uint64_t objects, detect::BackendKind backe
                detection_step = (effort.detection_seconds - detection) / 400;
   const std::uint64_t asked = effort.detections - detections, contacts = stepper.contacts();
   const auto [each_step, each] = median_step(every);
-  const auto [history, plain] = clumps ? std::pair(0.0, 0.0) : detection_calls(stepper, backend, s.threads);
+  const auto [history, plain] = clumps ? std::pair(0.0, 0.0) : detection_calls(stepper, s, backend);
   return {{"scene", clumps ? "clumps" : "silo"},
           {"backend", stepper.backend()},
           {"objects", objects},

@@ -206,9 +206,7 @@ class Table {
                : world.data();
       input.spheres.world = static_cast<const std::uint32_t*>(copy);
     }
-    detect::CallOptions o;
-    o.threads = settings_.threads, o.output = cuda ? detect::Memory::device : detect::Memory::host;
-    detect::Detector d({backend}, o);
+    detect::Detector d({backend}, options_of(settings_, backend));
     for (int k = 0; k < 3; k++) detect_watched(d, input);
     const double t =
         median_seconds(std::max(settings_.repeat, cuda ? 21 : 5), [&] { detect_watched(d, input); });
@@ -225,8 +223,7 @@ class Table {
   std::uint64_t row(const WorldScene& scene, detect::BackendKind backend, bool list) {
     const bool cuda = backend == detect::BackendKind::cuda;
     const WorldInput input(scene, cuda);
-    detect::CallOptions o;
-    o.threads = settings_.threads, o.output = cuda ? detect::Memory::device : detect::Memory::host;
+    const detect::CallOptions o = options_of(settings_, backend);
     detect::Detector d({backend}, o);
     const int repeat = std::max(settings_.repeat, cuda ? 21 : 3);
     const char* by = name_of(backend);

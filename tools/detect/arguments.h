@@ -2,6 +2,7 @@
 // What the program detect is asked to do, and what the ways of doing it share.
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
@@ -66,15 +67,13 @@ struct Found {
 // How every report begins: what was found, and how exactly.
 Json report_of(const Arguments& arguments, const Found& found);
 
+// The report with --json, or else `lines` and what was written; the hash where it is wanted. With -v a line
+// for each stage, on stderr.
+void print_result(const Arguments& arguments, const Json& report, const std::function<void()>& lines);
+
 // The first lines on stdout. `place`: what else stands in brackets, as ", 4 ranks".
 void print_found(const Arguments& arguments, const Found& found, const std::string& place, double seconds);
 void print_doubtful(const Arguments& arguments, const Found& found);
-
-// For -v: a line for each stage, on stderr.
-void print_seconds(const Json& seconds);
-
-// The hash as it is printed: 16 hexadecimal digits.
-std::string hex(std::uint64_t hash);
 
 // The scene that the arguments name. Throws UsageError if -o would replace a file that it is read from.
 // `check_file`: look at the checksums of a mapped file, for which it is read as a whole.

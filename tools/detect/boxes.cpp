@@ -8,7 +8,6 @@
 #include "detect/scene/contact_file.h"
 #include "padding/asset/error.h"
 #include "tools/detect/arguments.h"
-#include "tools/json_output.h"
 #include "tools/usage.h"
 
 namespace padder::tool {
@@ -103,12 +102,7 @@ int run_boxes(const Arguments& a) {
   const Found found{r.spheres, scene.bodies.size(), r.contacts, r.hash, r.doubtful, boxed.backend()};
   Json report = report_of(a, found);
   report.update(box_report(options, r));
-  if (a.verbose) print_seconds(report["seconds"]);
-  if (a.json) {
-    padder::cli::print_json(report);
-    return 0;
-  }
-  if (!a.quiet) {
+  print_result(a, report, [&] {
     using padder::cli::counted;
     const std::string place =
         ", " + counted(r.boxes, "box", "boxes") + " on " + counted(options.devices.size(), "device");
@@ -117,9 +111,7 @@ int run_boxes(const Arguments& a) {
       std::printf("%u of the boxes were made because memory is limited, and %u split\n", r.memory_boxes,
                   r.splits);
     print_doubtful(a, found);
-    if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
-  }
-  if (a.hash) std::printf("%s\n", hex(r.hash).c_str());
+  });
   return 0;
 }
 

@@ -219,25 +219,16 @@ int find_contacts(Arguments& a) {
   Json seconds = Json::object();
   for (int k = 0; k < 9; k++) seconds["stage" + std::to_string(k + 1)] = c.seconds.stage[k];
   seconds["place"] = c.seconds.place, seconds["total"] = c.seconds.total;
-  if (a.verbose) print_seconds(seconds);
   Json report = report_of(a, found);
   report["seconds"] = seconds;
   if (!is_whole) report["lod"] = lod_json(scene, choice);
-  if (!a.json && !a.quiet) {
+  if (a.stages && a.json) report["stages"] = stages_json(detector.stages(input));
+  print_result(a, report, [&] {
     print_found(a, found, "", c.seconds.total);
     print_doubtful(a, found);
     if (!is_whole) print_lod(choice);
-    if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
-  }
-  if (a.hash && !a.json) std::printf("%s\n", hex(found.hash).c_str());
-  if (a.stages) {
-    const Arrays arrays = detector.stages(input);
-    if (a.json)
-      report["stages"] = stages_json(arrays);
-    else
-      print_stages(arrays);
-  }
-  if (a.json) padder::cli::print_json(report);
+  });
+  if (a.stages && !a.json) print_stages(detector.stages(input));
   return 0;
 }
 
@@ -282,14 +273,11 @@ Scene read_input(const Arguments& a, LooseAs loose, bool check_file) {
   return scene;
 }
 
-void print_seconds(const Json& seconds) {
-  for (const auto& [stage, time] : seconds.items())
-    std::fprintf(stderr, "detect: %-7s %.6f s\n", stage.c_str(), time.get<double>());
-}
-
 Json report_of(const Arguments& a, const Found& f) {
+  char hash[17];
+  std::snprintf(hash, sizeof hash, "%016llx", (unsigned long long)f.hash);
   return {{"spheres", f.spheres},          {"bodies", f.bodies},    {"contacts", f.contacts},
-          {"hash", hex(f.hash)},           {"backend", f.backend},  {"path", a.path.word},
+          {"hash", std::string(hash)},     {"backend", f.backend},  {"path", a.path.word},
           {"precision", a.precision.word}, {"doubtful", f.doubtful}};
 }
 
@@ -306,10 +294,16 @@ void print_doubtful(const Arguments& a, const Found& f) {
                 (unsigned long long)f.doubtful);
 }
 
-std::string hex(std::uint64_t v) {
-  char text[17];
-  std::snprintf(text, sizeof text, "%016llx", (unsigned long long)v);
-  return text;
+void print_result(const Arguments& a, const Json& report, const std::function<void()>& lines) {
+  if (a.verbose)
+    for (const auto& [stage, time] : report["seconds"].items())
+      std::fprintf(stderr, "detect: %-7s %.6f s\n", stage.c_str(), time.get<double>());
+  if (a.json) return padder::cli::print_json(report);
+  if (!a.quiet) {
+    lines();
+    if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
+  }
+  if (a.hash) std::printf("%s\n", report["hash"].get<std::string>().c_str());
 }
 
 }  // namespace padder::tool

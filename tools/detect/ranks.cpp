@@ -8,7 +8,6 @@
 
 #include "padding/asset/error.h"
 #include "tools/detect/arguments.h"
-#include "tools/json_output.h"
 
 #ifdef PADDER_MPI
 #include <mpi.h>
@@ -101,17 +100,10 @@ void print(const Arguments& a, const RankReport& r, int ranks, const Times& t, c
                  {"copies", r.copies},
                  {"imbalance", r.imbalance},
                  {"seconds", seconds}});
-  if (a.verbose) print_seconds(seconds);
-  if (a.json) {
-    padder::cli::print_json(report);
-    return;
-  }
-  if (!a.quiet) {
+  print_result(a, report, [&] {
     print_found(a, found, ", " + std::to_string(ranks) + " ranks", total);
     print_doubtful(a, found);
-    if (!a.output.empty()) std::printf("wrote %s\n", a.output.c_str());
-  }
-  if (a.hash) std::printf("%s\n", hex(r.hash).c_str());
+  });
 }
 
 int run_among(const Arguments& a, const Launch& launch) {

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cstdio>
 #include <map>
-#include <nlohmann/json.hpp>
 
 #include "padding/asset/file.h"
 #include "padding/view/page.h"
@@ -22,7 +21,6 @@
 
 namespace {
 
-using Json = nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 using padder::cli::UsageError;

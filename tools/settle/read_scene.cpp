@@ -8,7 +8,6 @@
 #include <optional>
 #include <set>
 
-#include "detect/scene/scene.h"
 #include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
@@ -103,8 +102,8 @@ class Reader {
     read_walls();
     read_body_settings();
     given_ = scene_.loose.size();
-    for (std::size_t k = 0; r_.has("grains") && k < r_.at("grains").size(); k++)
-      if (const Place g = r_.at("grains").at(k); g.has("cluster"))
+    for (const Place& g : r_.all("grains"))
+      if (g.has("cluster"))
         put_padded_grains(g);
       else
         put_grains(g);
@@ -120,8 +119,7 @@ class Reader {
     for (const auto& asset : scene_.assets) add_shape(asset);
     for (std::size_t b = 0; b < scene_.bodies.size(); b++) add(b);
     add_loose();
-    if (r_.has("bushings"))
-      for (std::size_t k = 0; k < r_.at("bushings").size(); k++) add_bushing(r_.at("bushings").at(k));
+    for (const Place& b : r_.all("bushings")) add_bushing(b);
     if (s.spheres() == 0) r_.fail("the scene has no spheres: give it bodies, spheres or grains");
     if (s.law.stiffness == 0) s.law.stiffness = chosen_stiffness(s);
     s.law.tangential_stiffness = 2.0 / 7 * s.law.stiffness;  // as in Silbert et al., 2001
@@ -185,10 +183,9 @@ class Reader {
       for (std::size_t b = 0; b < materials_.size(); b++)
         surfaces[a][b] = {damping_ratio_of(0.5 * (materials_[a].restitution + materials_[b].restitution)),
                           0.5 * (materials_[a].friction + materials_[b].friction)};
-    if (!r_.has("material_pairs")) return;
     std::set<std::pair<std::uint8_t, std::uint8_t>> said;
-    for (std::size_t k = 0; k < r_.at("material_pairs").size(); k++) {
-      const Place p = r_.at("material_pairs").at(k), of = p.at("of");
+    for (const Place& p : r_.all("material_pairs")) {
+      const Place of = p.at("of");
       p.only({"of", "friction", "restitution"});
       if (of.size() != 2) of.fail("the names of two materials are wanted");
       const std::uint8_t a = material_named(of.at(std::size_t(0))), b = material_named(of.at(1));
@@ -213,13 +210,11 @@ class Reader {
 
   void read_walls() {
     System& s = out_.system;
-    if (r_.has("planes"))
-      for (std::size_t k = 0; k < r_.at("planes").size(); k++) {
-        const Place p = r_.at("planes").at(k);
-        p.only({"point", "normal", "friction", "material"});
-        s.walls.push_back({Wall::Kind::plane, vector_at(p.at("point")), unit_at(p.at("normal")), 0,
-                           real_at(p, "friction", -1), material_of(p)});
-      }
+    for (const Place& p : r_.all("planes")) {
+      p.only({"point", "normal", "friction", "material"});
+      s.walls.push_back({Wall::Kind::plane, vector_at(p.at("point")), unit_at(p.at("normal")), 0,
+                         real_at(p, "friction", -1), material_of(p)});
+    }
     if (!r_.has("cylinder")) return;
     const Place c = r_.at("cylinder");
     c.only({"point", "axis", "radius", "friction", "material"});
@@ -229,10 +224,8 @@ class Reader {
 
   void read_body_settings() {
     settings_.resize(scene_.bodies.size(), plain());
-    if (!r_.has("bodies")) return;
     std::vector<bool> named(scene_.bodies.size());
-    for (std::size_t k = 0; k < r_.at("bodies").size(); k++) {
-      const Place b = r_.at("bodies").at(k);
+    for (const Place& b : r_.all("bodies")) {
       b.only({"body", "velocity", "spin", "density", "driven", "material"});
       const std::uint32_t number = body_number(b.at("body"));
       if (named[number]) b.fail("an entry before is of the same body: write one for each");

@@ -3,9 +3,6 @@
 
 #include <omp.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 

@@ -2,7 +2,6 @@
 // What a call of the model test gave, and whether it is right.
 #pragma once
 #include <cstring>
-#include <string>
 #include <unordered_map>
 #include <vector>
 

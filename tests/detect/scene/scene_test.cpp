@@ -10,8 +10,6 @@
 namespace padder::detect {
 namespace {
 
-namespace fs = std::filesystem;
-
 class SceneTest : public testing::Test, protected TemporaryFolder {
  protected:
   void SetUp() override {

@@ -15,7 +15,6 @@
 #include <thread>
 #include <vector>
 
-#include "padding/asset/error.h"
 #include "tests/error_of.h"
 #include "tests/temporary_folder.h"
 
@@ -31,6 +30,7 @@ class File : public ::testing::Test, protected TemporaryFolder {
     return static_cast<std::size_t>(std::distance(fs::directory_iterator(folder_), {}));
   }
 };
+
 template <class Work>
 void expect_error(const Work& work, const std::string& words) {
   EXPECT_TRUE(refuses(work, words));
@@ -189,15 +189,11 @@ void write_to_full_disk(const fs::path& path) {
   out.append(std::string(100000, 'x'));
 }
 
-TEST_F(File, AFullDiskIsNoticed) {
+TEST_F(File, AFullDiskIsNoticedAndToBlame) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
   expect_error([&] { write_to_full_disk(folder_ / "a"); },
                "a (No space left on device): check that the folder exists, may be written and has room");
   EXPECT_EQ(entries(), 0u);
-}
-
-TEST_F(File, WhoIsToBlameIsTold) {
-  if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full on this system";
   EXPECT_THROW(write_to_full_disk(folder_ / "a"), DiskError);
   try {
     write_file(folder_ / "absent" / "a", "x");

@@ -12,7 +12,6 @@
 #include "padding/by_tolerance/cull.h"
 #include "padding/geometry/random.h"
 #include "padding/geometry/triangle.h"
-#include "padding/meshing/repair.h"
 #include "padding/verify/certify.h"
 #include "tests/error_of.h"
 #include "tests/padding/random_input.h"

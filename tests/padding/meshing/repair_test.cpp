@@ -198,10 +198,6 @@ TEST(Repair, NeverTrustsTheFile) {
   EXPECT_THROW(repair(turned, never, "turned"), Error);
 }
 
-TEST(Repair, WrapOnRequest) {
-  EXPECT_EQ(repair(kCube, {.mode = RepairMode::wrap, .alpha = 0.05}, "cube").kind, BodyKind::wrap);
-}
-
 // 7 blades across 7 others: each crosses each of the others.
 TEST(Repair, WhatCrossesAllOverIsWrappedOrRefusedInASentence) {
   Mesh mesh;

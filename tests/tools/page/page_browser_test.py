@@ -8,6 +8,7 @@ the programs. Leaves with 77, and a sentence, where there is no browser or no pa
 import json
 import math
 import os
+import pathlib
 import subprocess
 import sys
 import tempfile
@@ -95,12 +96,6 @@ class Camera:
         return enter < leave
 
 
-def write_cluster(path, spheres, family=0):
-    with open(path, "w") as f:
-        json.dump({"format": "padder.cluster", "version": 1, "name": os.path.basename(path).split(".")[0], "family": family,
-                   "spheres": {"centers": [c for c, _ in spheres], "radii": [r for _, r in spheres]}}, f)
-
-
 class PageTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -108,13 +103,10 @@ class PageTest(unittest.TestCase):
         cls.browser = Browser(WIDTH, HEIGHT)
         corners = [(x, y, z) for x in (0, 2) for y in (0, 1) for z in (0, 1)]
         quads = [(1, 3, 4, 2), (5, 6, 8, 7), (1, 2, 6, 5), (3, 7, 8, 4), (1, 5, 7, 3), (2, 4, 8, 6)]
-        with open(cls.path("brick.obj"), "w") as f:
-            f.writelines(f"v {x} {y} {z}\n" for x, y, z in corners)
-            f.writelines("f {} {} {} {}\n".format(*q) for q in quads)
+        cls.path("brick.obj").write_text("".join("v {} {} {}\n".format(*c) for c in corners) + "".join("f {} {} {} {}\n".format(*q) for q in quads))
         tool("pad", cls.path("brick.obj"), "-o", cls.path("brick.spheres.json"), "--edge-length", "20%", "--unit", "m", "-q",
              "--preview", cls.path("brick.html"))
-        with open(cls.path("brick.spheres.json")) as f:
-            cls.cluster = json.load(f)
+        cls.cluster = json.loads(cls.path("brick.spheres.json").read_text())
         s = cls.cluster["spheres"]
         cls.spheres = list(zip(s["centers"], s["radii"]))
 
@@ -125,10 +117,11 @@ class PageTest(unittest.TestCase):
 
     @classmethod
     def path(cls, name):
-        return os.path.join(cls.folder.name, name)
+        return pathlib.Path(cls.folder.name, name)
 
     def setUp(self):
         self.b = self.browser
+        self.load("brick.html")
 
     def tearDown(self):
         self.assertEqual(self.b.log(), [], "the console must stay silent")
@@ -186,7 +179,6 @@ class PageTest(unittest.TestCase):
         self.b.wait(f"padder.state().frames > {before}")
 
     def test_both_halves_show_what_rays_meet(self):
-        self.load("brick.html")
         image, camera = self.picture(), self.brick()
         wrong, seen = [], {"mesh": 0, "spheres": 0}
         for y in range(4, HEIGHT, 9):
@@ -209,7 +201,6 @@ class PageTest(unittest.TestCase):
         self.assertLessEqual(len(wrong), 8, wrong)
 
     def test_everything_fits_and_nothing_is_fetched(self):
-        self.load("brick.html")
         camera = self.brick()
         for c, _ in self.spheres:
             x, y = camera.pixel(c)
@@ -220,7 +211,6 @@ class PageTest(unittest.TestCase):
         self.assertEqual(self.state()["drawn"], len(self.spheres))
 
     def test_a_click_picks_the_sphere_under_it(self):
-        self.load("brick.html")
         self.b.keys("3")
         camera, picked = self.brick(), set()
         spots = list(self.spots(camera, range(200, 390, 23), range(180, 330, 31)))[::4]
@@ -246,7 +236,6 @@ class PageTest(unittest.TestCase):
         self.assertEqual(self.state()["picked"], -1)
 
     def test_the_picked_sphere_stands_out(self):
-        self.load("brick.html")
         self.b.keys("3")
         x, y, k = next(self.spots(self.brick(), range(250, 390, 7), range(200, 300, 7)))
         self.b.click(x, y)
@@ -255,7 +244,6 @@ class PageTest(unittest.TestCase):
         self.assertTrue(c[0] > 1.5 * c[1] and c[2] > 1.5 * c[1], c)
 
     def test_slider_and_its_keys(self):
-        self.load("brick.html")
         count = lambda image: sum(is_orange(image.at(x, y)) for y in range(0, HEIGHT, 5) for x in range(0, WIDTH, 5))
         self.do(lambda: self.b.keys("1"))
         self.assertEqual(self.state()["split"], 1)
@@ -277,7 +265,6 @@ class PageTest(unittest.TestCase):
         self.assertAlmostEqual(self.state()["split"], split - 0.1, places=6)
 
     def test_keys_turn_move_and_zoom(self):
-        self.load("brick.html")
         before = self.brick()
         self.b.keys(ARROWS["right"])
         turned = self.brick()
@@ -306,7 +293,6 @@ class PageTest(unittest.TestCase):
                 self.assertEqual(self.state()["picked"], k)
 
     def test_colours_and_their_legend(self):
-        self.load("brick.html")
         radii = [r for _, r in self.spheres]
         largest = radii.index(max(radii))
         colour = lambda k: tuple(self.b.run("return padder.colour(arguments[0])", k))
@@ -324,8 +310,7 @@ class PageTest(unittest.TestCase):
 
     def test_errors_are_drawn_on_the_mesh(self):
         tool("pad", self.path("brick.obj"), "-o", self.path("bare.spheres.json"), "--tolerance", "4%", "-q", "--preview", self.path("gap.html"), "--colour", "gap")
-        with open(self.path("bare.spheres.json")) as f:
-            cluster = json.load(f)
+        cluster = json.loads(self.path("bare.spheres.json").read_text())
         spheres = list(zip(cluster["spheres"]["centers"], cluster["spheres"]["radii"]))
         self.load("gap.html")
         self.assertEqual(self.state()["colour"], "gap")
@@ -350,7 +335,6 @@ class PageTest(unittest.TestCase):
         self.assertNotEqual(self.picture().rows, image.rows)
 
     def test_the_scale_bar_and_the_axes(self):
-        self.load("brick.html")
         label, path = self.b.run("const s = document.querySelector('#rulers'); return [s.lastElementChild.textContent, s.lastElementChild.previousElementSibling.getAttribute('d')]")
         length, unit = label.split()
         self.assertEqual(unit, "m")
@@ -383,7 +367,6 @@ class PageTest(unittest.TestCase):
         self.assertTrue(is_near(self.picture().at(4, 4), (22, 26, 31)))
 
     def test_overlay_detail_and_panels(self):
-        self.load("brick.html")
         self.b.keys("3")
         plain = self.picture()
         for overlay in ("wire", "glass"):
@@ -402,7 +385,6 @@ class PageTest(unittest.TestCase):
         self.assertIn(f"{100 * self.cluster['accuracy']['coverage']:.4g} %", table)
 
     def test_next_and_previous_sphere(self):
-        self.load("brick.html")
         self.b.keys("nnp")
         self.assertEqual(self.state()["picked"], 0)
         self.b.keys("p")
@@ -411,11 +393,12 @@ class PageTest(unittest.TestCase):
         self.assertEqual(self.state()["picked"], -1)
 
     def test_scene_with_families_and_contacts(self):
-        write_cluster(self.path("ball.spheres.json"), [([0, 0, 0], 1)])
-        with open(self.path("scene.json"), "w") as f:
-            json.dump({"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"}, "bodies": [
-                {"cluster": "ball", "position": [0, 0, 0], "family": 1}, {"cluster": "ball", "position": [1.8, 0, 0], "family": 2},
-                {"cluster": "ball", "position": [0, 6, 0], "family": 1}]}, f)
+        ball = {"format": "padder.cluster", "version": 1, "name": "ball", "spheres": {"centers": [[0, 0, 0]], "radii": [1]}}
+        scene = {"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"}, "bodies": [
+            {"cluster": "ball", "position": [0, 0, 0], "family": 1}, {"cluster": "ball", "position": [1.8, 0, 0], "family": 2},
+            {"cluster": "ball", "position": [0, 6, 0], "family": 1}]}
+        for name, document in ("ball.spheres.json", ball), ("scene.json", scene):
+            self.path(name).write_text(json.dumps(document))
         tool("detect", self.path("scene.json"), "-o", self.path("contacts.csv"), "-q")
         tool("preview", self.path("scene.json"), "--contacts", self.path("contacts.csv"), "-o", self.path("scene.html"), "-q")
         self.load("scene.html")
@@ -449,8 +432,7 @@ class PageTest(unittest.TestCase):
 
     def test_a_level_of_detail_is_chosen_from_a_list(self):
         tool("pad", self.path("brick.obj"), "--lod", "8%,4%,2%", "-o", self.path("ladder.spheres.json"), "-q")
-        with open(self.path("ladder.spheres.json")) as f:
-            ladder = json.load(f)
+        ladder = json.loads(self.path("ladder.spheres.json").read_text())
         levels = [ladder["spheres"]["count"]] + [lod["spheres"]["count"] for lod in reversed(ladder["lods"])]
         self.assertGreater(levels[0], levels[1])
         self.assertGreater(levels[1], levels[2])

@@ -3,6 +3,7 @@
 """The command line of preview, and of pad --preview: what is written, exit codes, sentences. Takes the programs' folder."""
 import json
 import os
+import pathlib
 import struct
 import subprocess
 import sys
@@ -15,21 +16,19 @@ PAGE = os.path.exists(os.path.join(BIN, "..", "page", "page.html"))
 
 class PreviewTest(unittest.TestCase):
     def setUp(self):
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
-        with open(self.path("tetra.obj"), "w") as f:
-            f.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
-        with open(self.path("ball.spheres.json"), "w") as f:
-            json.dump({"format": "padder.cluster", "version": 1, "name": "ball", "spheres": {"centers": [[0, 0, 0]], "radii": [1]}}, f)
-        with open(self.path("scene.json"), "w") as f:
-            json.dump({"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"},
-                       "bodies": [{"cluster": "ball", "position": [x, 0, 0]} for x in (0, 1.5)]}, f)
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        (self.folder / "tetra.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+        self.write("ball.spheres.json", {"format": "padder.cluster", "version": 1, "name": "ball", "spheres": {"centers": [[0, 0, 0]], "radii": [1]}})
+        self.write("scene.json", {"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"},
+                                  "bodies": [{"cluster": "ball", "position": [x, 0, 0]} for x in (0, 1.5)]})
 
-    def path(self, name):
-        return os.path.join(self.folder.name, name)
+    def write(self, name, document):
+        (self.folder / name).write_text(json.dumps(document))
 
     def run_tool(self, name, *args, code=0):
-        done = subprocess.run([os.path.join(BIN, name), *args], cwd=self.folder.name, capture_output=True, text=True)
+        done = subprocess.run([os.path.join(BIN, name), *args], cwd=self.folder, capture_output=True, text=True)
         self.assertEqual(done.returncode, code, done.stderr)
         if code:
             self.assertEqual(done.stderr.count("\n"), 1, done.stderr)  # one sentence
@@ -46,8 +45,7 @@ class PreviewTest(unittest.TestCase):
         return json.loads(done.stdout), done.stderr
 
     def bytes_of(self, name):
-        with open(self.path(name), "rb") as f:
-            return f.read()
+        return (self.folder / name).read_bytes()
 
     def size_of(self, name):
         head = self.bytes_of(name)[:24]
@@ -59,7 +57,7 @@ class PreviewTest(unittest.TestCase):
         self.assertEqual(self.size_of("ball.png"), (120, 80))
         report = json.loads(out)
         self.assertEqual((report["kind"], report["spheres"], report["triangles"]), ("picture", 1, 0))
-        self.assertEqual(report["bytes"], os.path.getsize(self.path("ball.png")))
+        self.assertEqual(report["bytes"], len(self.bytes_of("ball.png")))
 
     def test_pad_shows_what_it_made(self):
         # One picture of this size takes ten processor seconds.
@@ -69,7 +67,7 @@ class PreviewTest(unittest.TestCase):
         self.run_tool("pad", "tetra.obj", "tetra.obj", "--preview", "tetra.png", code=2)
         # The mesh is found again by its name and bytes; under another name it must be told.
         self.assertEqual(self.pictured("tetra.spheres.json", "-o", "again.png")[0]["triangles"], 4)
-        os.rename(self.path("tetra.obj"), self.path("moved.obj"))
+        (self.folder / "tetra.obj").rename(self.folder / "moved.obj")
         report, warning = self.pictured("tetra.spheres.json", "-o", "again.png")
         self.assertEqual(report["triangles"], 0)
         self.assertIn("--mesh", warning)
@@ -89,8 +87,7 @@ class PreviewTest(unittest.TestCase):
         self.assertNotEqual(*pictures)
         # The finest alone gives the picture of a cluster that holds nothing else.
         del ladder["lods"]
-        with open(self.path("alone.spheres.json"), "w") as f:
-            json.dump(ladder, f)
+        self.write("alone.spheres.json", ladder)
         self.pictured("alone.spheres.json", "-o", "l.png", size="96x48")
         self.assertEqual(self.bytes_of("l.png"), pictures[0])
         for ending in ("png", "html") if PAGE else ("png",):
@@ -104,8 +101,8 @@ class PreviewTest(unittest.TestCase):
 
     def test_a_file_of_spheres(self):
         header = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4), }"
-        with open(self.path("s.npy"), "wb") as f:
-            f.write(b"\x93NUMPY\x01\x00" + struct.pack("<H", 118) + header.ljust(117).encode() + b"\n" + struct.pack("<8f", 0, 0, 0, 1, 3, 0, 0, 1))
+        (self.folder / "s.npy").write_bytes(
+            b"\x93NUMPY\x01\x00" + struct.pack("<H", 118) + header.ljust(117).encode() + b"\n" + struct.pack("<8f", 0, 0, 0, 1, 3, 0, 0, 1))
         self.assertEqual(self.pictured("s.npy", "-o", "s.png")[0]["spheres"], 2)
 
     @unittest.skipUnless(PAGE, "the page is not built")
@@ -126,7 +123,7 @@ class PreviewTest(unittest.TestCase):
                      ["ball.spheres.json", "-o", "a.png", "--up", "w"], ["-o", "a.png"]):
             with self.subTest(args):
                 self.preview(*args, code=2)
-        self.assertFalse(os.path.exists(self.path("a.png")))
+        self.assertFalse((self.folder / "a.png").exists())
 
     def test_wrong_usage_says_what_is_taken(self):
         for args, sentence in ((["--show", "cube"], '--show takes one of both, mesh, side, spheres and wire, not "cube"'),
@@ -153,12 +150,10 @@ class PreviewTest(unittest.TestCase):
         texts = {"nothing.csv": "", "header.csv": "i,j\n", "number.csv": "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n0,1,0,0,x\n",
                  "other.csv": "i,j,nx,ny,nz,depth,ix,iy,iz,jx,jy,jz\n0,9,1,0,0,.1,0,0,0,0,0,0\n", "not.npz": "PK", "c.txt": ""}
         for name, text in texts.items():
-            with open(self.path(name), "w") as f:
-                f.write(text)
+            (self.folder / name).write_text(text)
             with self.subTest(name):
                 self.assertIn(name, self.preview("scene.json", "--contacts", name, "-o", "a.png", code=1).stderr)
-        with open(self.path("broken.json"), "w") as f:
-            f.write('{"format": "padder.cluster"')
+        (self.folder / "broken.json").write_text('{"format": "padder.cluster"')
         for name in ("absent.spheres.json", "broken.json", "."):
             with self.subTest(name):
                 self.assertIn(name, self.preview(name, "-o", "a.png", code=1).stderr)
@@ -166,7 +161,7 @@ class PreviewTest(unittest.TestCase):
         self.assertIn("absent.obj", self.preview("ball.spheres.json", "--mesh", "absent.obj", "-o", "a.png", code=1).stderr)
         self.preview("ball.spheres.json", "-o", "no/such/folder.png", "--size", "32x32", code=1)
         self.preview("ball.spheres.json", "-o", "a.png", "--colour", "protrusion", code=1)
-        self.assertFalse(os.path.exists(self.path("a.png")))
+        self.assertFalse((self.folder / "a.png").exists())
 
 
 if __name__ == "__main__":

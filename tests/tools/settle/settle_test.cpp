@@ -20,10 +20,10 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-System empty_system(double friction = 0.5, double restitution = 0.6) {
+System empty_system(double friction = 0.5, double restitution = 0.6, double stiffness = 1e5) {
   System s;
   s.gravity = {0, 0, -9.81};
-  s.law.stiffness = 1e5, s.law.tangential_stiffness = 2e5 / 7;
+  s.law.stiffness = stiffness, s.law.tangential_stiffness = 2 * stiffness / 7;
   s.law.surfaces[0][0] = {damping_ratio_of(restitution), friction};
   return s;
 }
@@ -120,8 +120,7 @@ TEST_P(SettleTest, ABallBouncesAsTheClosedFormSays) {
 
 // A ball falls 1 m on a soft floor: its deepest point, v / omega, is known when it has long left the floor.
 TEST_P(SettleTest, TheDeepestPenetrationOfARunIsKept) {
-  System s = empty_system(0.5, 1);
-  s.law.stiffness = 5e3, s.law.tangential_stiffness = 1e4 / 7;
+  System s = empty_system(0.5, 1, 5e3);
   s.walls.push_back(floor_with(0.5));
   add_grain(s, {0, 0, 1.01}, 0.01, 2500);
   s.step = step_limits(s).chosen / 10;
@@ -385,8 +384,7 @@ TEST_P(SettleTest, APlateThatFallsFlatComesToRest) {
 // degrees (Zhou, Xu, Yu and Zulli, An experimental and numerical study of the angle of repose of coarse
 // spheres, Powder Technology 125, 2002).
 TEST_P(SettleTest, AHeapHasAnAngleOfReposeInThePublishedRange) {
-  System s = empty_system(0.5, 0.3);
-  s.law.stiffness = 1e4, s.law.tangential_stiffness = 2e4 / 7;
+  System s = empty_system(0.5, 0.3, 1e4);
   const double d = 0.02, disc = 6.5 * d;
   s.walls.push_back({Wall::Kind::plane, {0, 0, -3 * d}, {0, 0, 1}, 0, 0.5});
   detect::SplitMix64 random(11);
@@ -447,9 +445,8 @@ TEST_P(SettleTest, KeptCandidatesThreadsAndTheSkinChangeNoBit) {
 }
 
 TEST_P(SettleTest, ARunThatIsResumedHasTheBitsOfOneThatIsNot) {
-  System s = empty_system();
+  System s = empty_system(0.5, 0.6, 1e4);
   s.walls.push_back(floor_with(0.5));
-  s.law.stiffness = 1e4, s.law.tangential_stiffness = 2e4 / 7;
   const Mass mass = rod(s, 3, 0.01, 0.012, 2500);
   for (int k = 0; k < 30; k++)
     add_body(s, 0, mass, {0.05 * (k % 3), 0.03 * (k / 3 % 3), 0.02 + 0.025 * (k / 9)},
@@ -623,9 +620,8 @@ TEST(SettleBackendsTest, GrainsHaveTheSameBitsOnAGpu) {
 // Bodies, a large ball with many contacts, bushings and a driven body: the backends agree for as long as
 // rounding has not grown.
 TEST(SettleBackendsTest, BodiesMoveAsOnTheHostForAShortTime) {
-  System s = empty_system();
+  System s = empty_system(0.5, 0.6, 1e4);
   s.walls.push_back(floor_with(0.5));
-  s.law.stiffness = 1e4, s.law.tangential_stiffness = 2e4 / 7;
   const Mass mass = rod(s, 3, 0.01, 0.012, 2500), chain = rod(s, 20, 0.008, 0.004, 2500);
   for (int k = 0; k < 100; k++)
     add_body(s, 0, mass, {0.05 * (k % 5), 0.05 * (k / 5 % 5), 0.0101 + 0.0202 * (k / 25)},

@@ -42,6 +42,7 @@ def refused(part, *arguments, code=1):
     assert part in said and said.count("\n") == 1, said
 
 
+SCENE = {"format": "padder.scene", "version": 1}
 # Two spheres as one part, written by hand: a cluster without mass properties counts as if its spheres did not overlap.
 CLUSTER = {"format": "padder.cluster", "version": 1, "name": "pill", "unit": "m",
            "spheres": {"centers": [[-0.01, 0, 0], [0.01, 0, 0]], "radii": [0.01, 0.01]}}
@@ -50,7 +51,7 @@ CLUSTER = {"format": "padder.cluster", "version": 1, "name": "pill", "unit": "m"
 def scene_of(**settle):
     bodies = [{"cluster": "pill", "position": [0.03 * (k % 3), 0.03 * (k // 3), 0.03],
                "quaternion": [0.6, 0, 0.8, 0]} for k in range(6)]
-    return {"format": "padder.scene", "version": 1, "unit": "m", "clusters": {"pill": "pill.spheres.json"}, "bodies": bodies,
+    return {**SCENE, "unit": "m", "clusters": {"pill": "pill.spheres.json"}, "bodies": bodies,
             "spheres": [{"centers": [[0.015, 0.015, 0.09], [0.045, 0.015, 0.09]], "radii": 0.009}],
             "settle": {"duration": 0.2, "material": {"stiffness": 1e4}, "planes": [dict(FLOOR[0])], **settle}}
 
@@ -123,8 +124,7 @@ with tempfile.TemporaryDirectory() as folder:
     # No step at all: a checkpoint becomes a frame. A state at rest goes on, and what it wrote begins a scene.
     none = report("pills.json", "--resume", "half.npz", "--steps", 0, "-o", "still.npz")
     assert (none["steps"], none["frames"]) == (half, 1), none
-    ball = {"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 0.5]], "radii": 0.5}],
-            "settle": {"planes": FLOOR, "duration": 2}}
+    ball = {**SCENE, "spheres": [{"centers": [[0, 0, 0.5]], "radii": 0.5}], "settle": {"planes": FLOOR, "duration": 2}}
     write("ball.json", ball)
     # Gravity and density that are not given are the same in every unit.
     metre = report("ball.json")
@@ -138,8 +138,7 @@ with tempfile.TemporaryDirectory() as folder:
     assert fresh["contacts"] == 1 and not fresh["at_rest"], fresh
     assert report_of({**ball, "spheres": [{"file": "lying_0000.npz"}]}, "--steps", 100)["at_rest"]
     # What hangs in the air, turns back there or spins is not at rest, however often the run is looked at.
-    hung = {"format": "padder.scene", "version": 1, "unit": "m",
-            "spheres": [{"centers": [[0, 0, 0.00999], [0.1, 0, 0.5]], "radii": 0.01}],
+    hung = {**SCENE, "unit": "m", "spheres": [{"centers": [[0, 0, 0.00999], [0.1, 0, 0.5]], "radii": 0.01}],
             "settle": {"planes": FLOOR, "duration": 1.5}}
     write("hung.json", hung)
     for looks in ([], ["--frames", 2000, "-o", "hung.html"]):
@@ -218,7 +217,7 @@ with tempfile.TemporaryDirectory() as folder:
                      "spheres": {"centers": [[0, 0, 0]], "radii": [0.0109]}}]
     write("ball.spheres.json", ball)
     box = {"low": [0, 0, 0], "high": [0.2, 0.2, 0.2]}
-    made = {"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"}, "settle": {
+    made = {**SCENE, "clusters": {"ball": "ball.spheres.json"}, "settle": {
         "material": {"stiffness": 1e4}, "duration": 0.01, "planes": FLOOR,
         "grains": [{"count": 5, "radius": 0.02, "density": 1000, **box},
                    {"count": 7, "cluster": "ball", "low": [0, 0, 0.2], "high": [0.2, 0.2, 0.3], "velocity": [0, 0, -1]}]}}
@@ -234,8 +233,7 @@ with tempfile.TemporaryDirectory() as folder:
     refused("level of detail", "made.json", "--lod", "coarse", code=2)
     made["settle"]["grains"][1]["cluster"] = "bill"
     refused_scene("no cluster of that name", made)
-    two = {"format": "padder.scene", "version": 1, "clusters": {"ball": "ball.spheres.json"},
-           "bodies": [{"cluster": "ball", "position": [x, 0, 0]} for x in (0, 0.021, 1)]}
+    two = {**SCENE, "clusters": {"ball": "ball.spheres.json"}, "bodies": [{"cluster": "ball", "position": [x, 0, 0]} for x in (0, 0.021, 1)]}
     write("two.json", two)
     found = json.loads(run("detect", "two.json", "--lod", "auto", "--json").stdout)
     assert found["contacts"] == 1 and found["lod"]["rungs"] == [1, 1, None] and found["lod"]["first_sphere"] == [0, 1, 2], found
@@ -267,7 +265,7 @@ with tempfile.TemporaryDirectory() as folder:
 
     # No file that a run reads is overwritten by what it writes.
     run("settle", "ball.json", "--steps", 1, "-o", "again.npz")
-    write("again.json", {"format": "padder.scene", "version": 1, "spheres": [{"file": "again_0000.npz"}], "settle": {"planes": FLOOR}})
+    write("again.json", {**SCENE, "spheres": [{"file": "again_0000.npz"}], "settle": {"planes": FLOOR}})
     before = open("again_0000.npz", "rb").read()
     read = "is a file that this run reads"
     refused(read, "again.json", "-o", "again.npz", code=2)
@@ -342,8 +340,7 @@ with tempfile.TemporaryDirectory() as folder:
     report_of(still, "--steps", 1)
     write("mat.spheres.json", {**CLUSTER, "spheres": {"centers": [[0.01 * (k % 15), 0.01 * (k // 15), 0] for k in range(225)],
                                                       "radii": [0.01] * 225}})
-    mat = {"format": "padder.scene", "version": 1, "clusters": {"mat": "mat.spheres.json"},
-           "bodies": [{"cluster": "mat", "position": [0, 0, 0.03]}], "settle": {"planes": FLOOR}}
+    mat = {**SCENE, "clusters": {"mat": "mat.spheres.json"}, "bodies": [{"cluster": "mat", "position": [0, 0, 0.03]}], "settle": {"planes": FLOOR}}
     chosen = report_of(mat, "--until-rest")
     assert chosen["at_rest"], chosen
     mat["settle"]["time_step"] = 225 / 40 * chosen["time_step"]  # as if it lay on one sphere at a time
@@ -353,7 +350,7 @@ with tempfile.TemporaryDirectory() as folder:
     refused_scene('bushings 0: "stiffness" is missing', scene_of(bushings=[{"bodies": [0, 1], "at": [0, 0, 0]}]))
     refused_scene('cylinder: "radius" is missing', scene_of(cylinder={"point": [0, 0, 0], "axis": [0, 0, 1]}))
     for density, size in ((1e-320, "small"), (1e308, "large")):
-        one = {"format": "padder.scene", "version": 1, "spheres": [{"centers": [[0, 0, 2]], "radii": 1}], "settle": {"material": {"density": density}}}
+        one = {**SCENE, "spheres": [{"centers": [[0, 0, 2]], "radii": 1}], "settle": {"material": {"density": density}}}
         refused_scene(f"grain 0 has a mass or moment of inertia that is too {size}", one)
     refused_scene("is unstable for this stiffness", scene_of(time_step=1))
     refused_scene("grains find room", scene_of(grains=[{"count": 100, "radius": 0.01, "low": [0, 0, 0.1], "high": [0.05, 0.05, 0.13]}]))

@@ -28,6 +28,15 @@ struct Discs {
       sets.add(found);
     }
   }
+  std::vector<std::uint32_t> greedy() const {
+    SetCover cover(sets, points.size());
+    cover.greedy();
+    return cover.best();
+  }
+  std::vector<std::uint32_t> improved(const std::vector<std::uint32_t>& cover, const BlockSearch& options,
+                                      const std::vector<std::uint32_t>& kept = {}) const {
+    return improve_in_blocks(sets, points.size(), centers, cover, options, kept);
+  }
   std::size_t open(const std::vector<std::uint32_t>& cover) const {
     std::vector<char> done(points.size());
     for (auto s : cover)
@@ -38,44 +47,35 @@ struct Discs {
 
 TEST(BlockSearch, StaysACoverAndGetsSmaller) {
   const Discs discs(120, 6000, 0.05);
-  SetCover greedy(discs.sets, discs.points.size());
-  greedy.greedy();
-  const std::size_t open = discs.open(greedy.best());
-  std::vector<std::uint32_t> cover = greedy.best();
+  const auto greedy = discs.greedy();
+  std::vector<std::uint32_t> cover = greedy;
   for (std::uint64_t seed = 1; seed <= 3; seed++) {
-    const auto better = improve_in_blocks(discs.sets, discs.points.size(), discs.centers, cover,
-                                          {.block = 40, .steps = 100, .seed = seed});
-    EXPECT_EQ(discs.open(better), open);
+    const auto better = discs.improved(cover, {.block = 40, .steps = 100, .seed = seed});
+    EXPECT_EQ(discs.open(better), discs.open(greedy));
     EXPECT_LE(better.size(), cover.size());
     cover = better;
   }
-  EXPECT_LT(cover.size(), 0.9 * static_cast<double>(greedy.best().size()));
+  EXPECT_LT(cover.size(), 0.9 * static_cast<double>(greedy.size()));
 }
 
 TEST(BlockSearch, SameResultForAnyNumberOfThreads) {
   const Discs discs(80, 3000, 0.06);
-  SetCover greedy(discs.sets, discs.points.size());
-  greedy.greedy();
-  const auto cover = [&] {
-    return improve_in_blocks(discs.sets, discs.points.size(), discs.centers, greedy.best(), {.block = 20});
-  };
+  const auto greedy = discs.greedy();
+  const auto cover = [&] { return discs.improved(greedy, {.block = 20}); };
   const auto one = with_threads(1, cover);
   for (const int threads : {2, 5}) EXPECT_EQ(with_threads(threads, cover), one);
 }
 
 TEST(BlockSearch, SetsThatAreKeptCoverTheirElements) {
   const Discs discs(80, 3000, 0.06);
-  SetCover greedy(discs.sets, discs.points.size());
-  greedy.greedy();
-  const std::size_t open = discs.open(greedy.best());
+  const auto greedy = discs.greedy();
   std::vector<std::uint32_t> kept, moved;
-  for (const auto s : greedy.best()) (discs.centers[s].x() < 0.5 ? kept : moved).push_back(s);
-  auto better = improve_in_blocks(discs.sets, discs.points.size(), discs.centers, moved,
-                                  {.block = 20, .steps = 100}, kept);
+  for (const auto s : greedy) (discs.centers[s].x() < 0.5 ? kept : moved).push_back(s);
+  auto better = discs.improved(moved, {.block = 20, .steps = 100}, kept);
   EXPECT_LT(better.size(), moved.size());
   for (const auto s : better) EXPECT_EQ(std::count(kept.begin(), kept.end(), s), 0);
   better.insert(better.end(), kept.begin(), kept.end());
-  EXPECT_EQ(discs.open(better), open);
+  EXPECT_EQ(discs.open(better), discs.open(greedy));
 }
 
 TEST(BlockSearch, AnEmptyCoverStaysEmpty) { EXPECT_TRUE(improve_in_blocks(Sets(), 0, {}, {}, {}).empty()); }
