@@ -4,7 +4,7 @@
 // stay as well. Each rank has the spheres of its box, as in a simulation.
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"
-#include "tools/launch.h"
+#include "tools/detect/launch.h"
 
 #ifdef PADDER_MPI
 #include <mpi.h>

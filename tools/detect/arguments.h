@@ -10,7 +10,7 @@
 
 #include "detect/scene/scene.h"
 #include "tools/cli.h"
-#include "tools/launch.h"
+#include "tools/detect/launch.h"
 
 namespace padder::tool {
 
