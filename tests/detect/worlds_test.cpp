@@ -102,18 +102,6 @@ TEST_P(Worlds, OneWorldWithWhatIsInEveryWorldIsSearchedAsOne) {
   EXPECT_FALSE(apart(loose));
 }
 
-// A revision is of bodies: the loose spheres may be of other worlds in each call, in an array or all of one.
-TEST_P(Worlds, LooseSpheresMayBeOfOtherWorldsInEachCall) {
-  const TestBodies w = random_worlds(9, 3, 60, 500);
-  Detector detector(device_);
-  for (const std::uint32_t one : {3u, 1u, 3u, kEveryWorld - 1, 2u, kEveryWorld}) {  // 3: those of the array
-    Input input = w.input();
-    input.revision = 1;
-    if (one != 3) input.spheres.world = nullptr, input.spheres.world_of_all = one;
-    EXPECT_EQ(sorted(detector.detect(input).pair_span()), oracle(input, {})) << one;
-  }
-}
-
 // Of a few bodies and loose spheres, in one, two or all worlds: what a pass over them tells is what a look at
 // each pair tells.
 TEST(BodyTally, IsWhatALookAtEachPairTells) {
@@ -493,12 +481,13 @@ TEST_P(Worlds, ARevisionMayChangeTheWorldsOfItsLooseSpheres) {
         for (Body& b : w.bodies) b.world = 2;
       Detector detector(device_, {.bodies = bodies});
       const std::vector<std::uint32_t> array(w.loose.size(), 2);
-      enum Loose { own_worlds, array_of_2, all_in_2, all_in_0 };
-      for (const Loose loose : {own_worlds, all_in_2, all_in_2, own_worlds, all_in_0, array_of_2, all_in_0,
-                                all_in_2, own_worlds}) {
+      enum Loose { own_worlds, array_of_2, all_in_2, all_in_0, all_in_the_last };
+      for (const Loose loose : {own_worlds, all_in_2, all_in_2, own_worlds, all_in_the_last, all_in_0,
+                                array_of_2, all_in_0, all_in_2, own_worlds}) {
         Input in = w.input();
         if (loose != own_worlds) in.spheres.world = loose == array_of_2 ? array.data() : nullptr;
         if (loose == all_in_2) in.spheres.world_of_all = 2;
+        if (loose == all_in_the_last) in.spheres.world_of_all = kEveryWorld - 1;
         const std::vector<Pair> expected = oracle(in, detector.options());
         in.revision = 8;
         EXPECT_EQ(sorted(detector.detect(in).pair_span()), expected) << loose;
