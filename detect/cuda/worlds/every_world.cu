@@ -29,9 +29,12 @@ __device__ void find(const EveryWorldTask& task, std::uint32_t k, Found found) {
   if (task.source.world[k] == kEveryWorld) return;
   const Sphere s = task.source.sphere(k);
   const Filter filter = task.source.filter(k);
-  const detect::Bounds halo = halo_of(s, task.radius_max, task.margin);
-  if (!meets(halo, task.own)) return;
-  const bool owns_contacts = lies_within(halo, task.own);
+  bool owns_contacts = task.owns_all;
+  if (!owns_contacts) {
+    const detect::Bounds halo = halo_of(s, task.radius_max, task.margin);
+    if (!meets(halo, task.own)) return;
+    owns_contacts = lies_within(halo, task.own);
+  }
   const TreeBox box = box_of(s, task.margin);
   task.tree.visit(box, 0, task.every, [&](std::uint32_t e) {
     const Sphere other = task.spheres[e];
@@ -119,7 +122,7 @@ void EveryWorld::count(const DeviceSpheres& source, std::uint64_t every, double 
   const auto n = static_cast<std::uint32_t>(every);
   order(source, n, stream);
   task_.source = source, task_.margin = options.margin, task_.numbers = numbers_.data();
-  task_.own = options.own, task_.radius_max = radius_max;
+  task_.own = options.own, task_.owns_all = options.own == Region{}, task_.radius_max = radius_max;
   Sphere* const spheres = spheres_.reserve(n);
   Filter* const filters = filters_.reserve(n);
   read_spheres(source, n, numbers_.data(), spheres, filters, stream);
