@@ -24,13 +24,14 @@ struct NumberedSphere {
 };
 
 // Calls found(pair, sphere, sphere) for each contact of sphere k, of another world, with one of kEveryWorld.
-template <class Found>
+// OwnsAll: without a region, which would take 4 % more time.
+template <bool OwnsAll, class Found>
 __device__ void find(const EveryWorldTask& task, std::uint32_t k, Found found) {
   if (task.source.world[k] == kEveryWorld) return;
   const Sphere s = task.source.sphere(k);
   const Filter filter = task.source.filter(k);
-  bool owns_contacts = task.owns_all;
-  if (!owns_contacts) {
+  bool owns_contacts = OwnsAll;
+  if constexpr (!OwnsAll) {
     const detect::Bounds halo = halo_of(s, task.radius_max, task.margin);
     if (!meets(halo, task.own)) return;
     owns_contacts = lies_within(halo, task.own);
@@ -59,22 +60,26 @@ void build_tree(const WideTree& tree, const Sphere* spheres, std::uint32_t every
     each(tree.boxes_of(level), stream, "build the tree of every world",
          [=] __device__(std::uint64_t k) { tree.set(level, static_cast<std::uint32_t>(k), spheres, every); });
 }
+template <bool OwnsAll>
 void count_contacts(const EveryWorldTask& task, cudaStream_t stream) {
   each(task.source.count, stream, "count contacts with every world", [=] __device__(std::uint64_t k) {
     std::uint32_t n = 0;
-    find(task, static_cast<std::uint32_t>(k), [&](const Pair&, const Sphere&, const Sphere&) { n++; });
+    find<OwnsAll>(task, static_cast<std::uint32_t>(k),
+                  [&](const Pair&, const Sphere&, const Sphere&) { n++; });
     task.counts[k] = n;
   });
 }
+template <bool OwnsAll>
 void write_contacts(const EveryWorldTask& task, const Output& output, std::uint64_t first,
                     cudaStream_t stream) {
   each(task.source.count, stream, "write contacts with every world", [=] __device__(std::uint64_t k) {
     std::uint64_t at = first + task.offsets[k];
     if (task.offsets[k] == task.offsets[k + 1]) return;
-    find(task, static_cast<std::uint32_t>(k), [&](const Pair& pair, const Sphere& a, const Sphere& b) {
-      output.pairs[at] = pair;
-      put_geometry(output, at++, a, b);
-    });
+    find<OwnsAll>(task, static_cast<std::uint32_t>(k),
+                  [&](const Pair& pair, const Sphere& a, const Sphere& b) {
+                    output.pairs[at] = pair;
+                    put_geometry(output, at++, a, b);
+                  });
   });
 }
 
@@ -133,7 +138,7 @@ void EveryWorld::count(const DeviceSpheres& source, std::uint64_t every, double 
   const std::uint64_t all = source.count + std::uint64_t(1);
   task_.counts = counts_.reserve(all), task_.offsets = offsets_.reserve(all);
   cuda_check(cudaMemsetAsync(task_.counts + source.count, 0, sizeof *task_.counts, stream), "begin");
-  count_contacts(task_, stream);
+  (task_.owns_all ? count_contacts<true> : count_contacts<false>)(task_, stream);
   exclusive_sum(task_.counts, task_.offsets, all, scratch_, stream);
   cuda_check(cudaMemcpyAsync(total_.reserve(1), task_.offsets + source.count, sizeof *task_.offsets,
                              cudaMemcpyDeviceToHost, stream),
@@ -146,7 +151,7 @@ std::uint64_t EveryWorld::counted(cudaStream_t stream) {
 }
 
 void EveryWorld::write(const Output& output, std::uint64_t first, cudaStream_t stream) const {
-  write_contacts(task_, output, first, stream);
+  (task_.owns_all ? write_contacts<true> : write_contacts<false>)(task_, output, first, stream);
 }
 
 }  // namespace padder::detect::cuda
