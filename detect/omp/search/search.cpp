@@ -372,14 +372,11 @@ class Searcher {
   }
 
   // Appends pairs of slot a and the next `count` slots of `b`. Whole vectors: what is too much is written
-  // over. Mostly one is enough; of a loop for all, the compiler makes a call of memmove.
+  // over.
   static void add_pairs(const HitLists& out, std::uint32_t n, std::uint32_t a, const std::uint32_t* b,
                         std::uint32_t count) {
-    const auto add = [&](std::uint32_t k) {
+    for (std::uint32_t k = 0; k < count; k += kLanes)
       std::fill_n(out.a + n + k, kLanes, a), std::copy_n(b + k, kLanes, out.b + n + k);
-    };
-    add(0);
-    for (std::uint32_t k = kLanes; k < count; k += kLanes) add(k);
   }
   // Keeps those of the first n candidates that are contacts. All of them are decided in double.
   void keep_touching(const HitLists& hits, std::uint32_t n, int level) {
