@@ -59,8 +59,10 @@ PadOptions options_of(RandomMesh& random) {
 std::string fault_of(const ReadResult& file, const PadOptions& options, const Padded& p, unsigned seed) {
   const Accuracy& a = p.cluster.accuracy;
   const bool filled = a.proved_against == SurfaceKind::filled;
+  // A ray may escape through a crack, beside a triangle that is turned inside out.
+  const bool cracked = filled || (options.by_tolerance() && p.report.steps.joined > 0);
   const Measured m =
-      measure(file.mesh, filled ? &p.mesh : nullptr, p.cluster, 200, seed, p.report.steps.joined_width);
+      measure(file.mesh, cracked ? &p.mesh : nullptr, p.cluster, 200, seed, p.report.steps.joined_width);
   const auto text = [](double v) { return std::to_string(v); };
   const double d = p.report.diagonal;
   if (!m.gap_holds) return "a gap of " + text(m.gap / d) + ", reported " + text(a.gap_max / d);
@@ -92,7 +94,8 @@ TEST(RandomMeshes, EachGivesATrueReportOrASentence) {
   std::printf("seeds %llu to %llu\n", static_cast<unsigned long long>(first),
               static_cast<unsigned long long>(first + count - 1));
   std::fflush(stdout);
-  std::vector<std::uint64_t> seeds = {27336322188326, 999002220};  // found a wrong body, and a crash of CGAL
+  // They found a wrong body, a crash of CGAL, and an audit that took the inside of a cracked box for outside.
+  std::vector<std::uint64_t> seeds = {27336322188326, 999002220, 218425248055498};
   for (std::uint64_t k = 0; k < count; k++) seeds.push_back(first + k);
   for (const int s : {SIGSEGV, SIGABRT, SIGFPE}) std::signal(s, crashed);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // sanitizers reserve terabytes
