@@ -409,9 +409,9 @@ RepairOptions repairing(const PadOptions& options, double length, double toleran
   r.mode = options.repair;
   // Joining moves the surface, which is taken off both errors; one of 0 falls below 0.
   if (options.each_error()) {
-    const auto [small, large] =
-        std::minmax({options.protrusion_used().absolute(diagonal), options.gap_used().absolute(diagonal)});
-    r.join_width = 0.25 * (small > 0 ? small : large) / diagonal;
+    const auto [small, large] = std::minmax(
+        {options.protrusion_used().in_unit_frame(diagonal), options.gap_used().in_unit_frame(diagonal)});
+    r.join_width = 0.25 * (small > 0 ? small : large);
   }
   // One sphere for each triangle needs room below it.
   r.below_terrain = length > 0;

@@ -127,27 +127,30 @@ Numbering RankDetector::Work::number(const Input& part) {
 LoadForm RankDetector::Work::agree(const Input& part, Assignment& assignment) {
   const Spheres& s = part.spheres;
   const std::uint64_t sum = checksum_of(part.shapes);
+  // The largest of all ranks. The complement of one gives the least.
+  enum { doubles, families, masks, statics, worlds, last_world, not_first_world, shapes, not_shapes, all };
   const Count world = s.world_of_all;
-  Count flags[9] = {s.count && s.scalar == Scalar::f64,
-                    s.count && s.family,
-                    s.count && s.mask,
-                    s.count && s.is_static,
-                    s.count && s.world,
-                    s.count ? world : 0,  // the largest and the least of the ranks that have spheres
-                    s.count ? ~world : 0,
-                    sum,
-                    ~sum};
-  MPI_Allreduce(MPI_IN_PLACE, flags, 9, MPI_UNSIGNED_LONG_LONG, MPI_MAX, ranks_);
-  if (flags[7] != ~flags[8]) throw Error("the ranks were given different shapes: give all of them the same");
+  Count flags[all] = {s.count && s.scalar == Scalar::f64,
+                      s.count && s.family,
+                      s.count && s.mask,
+                      s.count && s.is_static,
+                      s.count && s.world,
+                      s.count ? world : 0,
+                      s.count ? ~world : 0,
+                      sum,
+                      ~sum};
+  MPI_Allreduce(MPI_IN_PLACE, flags, all, MPI_UNSIGNED_LONG_LONG, MPI_MAX, ranks_);
+  if (flags[shapes] != ~flags[not_shapes])
+    throw Error("the ranks were given different shapes: give all of them the same");
   double radius = assignment.largest_radius();
   MPI_Allreduce(MPI_IN_PLACE, &radius, 1, MPI_DOUBLE, MPI_MAX, ranks_);
   assignment.raise_largest_radius(radius);
-  return {flags[0] ? Scalar::f64 : Scalar::f32,
-          flags[1] != 0,
-          flags[2] != 0,
-          flags[3] != 0,
-          flags[4] != 0 || flags[5] != ~flags[6],
-          static_cast<std::uint32_t>(flags[5])};
+  return {flags[doubles] ? Scalar::f64 : Scalar::f32,
+          flags[families] != 0,
+          flags[masks] != 0,
+          flags[statics] != 0,
+          flags[worlds] != 0 || flags[last_world] != ~flags[not_first_world],
+          static_cast<std::uint32_t>(flags[last_world])};
 }
 
 // Counts the spheres of each box, and cuts anew when there is no cut yet or the work has become uneven.

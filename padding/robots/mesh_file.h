@@ -13,7 +13,7 @@ std::string slashed(std::string name);
 std::filesystem::path file_in(const std::filesystem::path& folder, const std::string& name);
 
 // For the end of a sentence on a file that is not there: names the file that is there under this name but for
-// the case of letters. "" where none is.
+// the case of letters, or says that a folder is. "" where nothing is.
 std::string in_other_case(const std::filesystem::path& file);
 
 }  // namespace padder::reading

@@ -532,7 +532,7 @@ TEST(Pad, AWrapKeepsTheToleranceAgainstTheInput) {
 }
 
 // Each triangle has corners of its own, a hair off those of its neighbours, and every third one is turned.
-// With a gap of 0 nothing is moved; the body must be covered all the same, and not as if it were a sheet.
+// With a gap of 0 the body must be covered all the same, and not as if it were a sheet.
 TEST(Pad, AGapOf0CoversTheInsideOfABodyWithHairCracks) {
   Mesh cracked = shapes::with_corners_off(kCube, 1e-8);
   for (std::size_t t = 0; t < cracked.triangles.size(); t += 3)

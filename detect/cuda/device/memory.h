@@ -64,7 +64,7 @@ class Buffer {
   std::uint64_t capacity() const { return capacity_; }
 
  private:
-  static constexpr std::uint64_t kLittle = 32;
+  static constexpr std::uint64_t kLittle = 32;  // one part in so many (docs/experiments/calls.md)
   static bool half_stays_free(std::uint64_t count) {
     std::size_t free = 0, total = 0;
     return cudaMemGetInfo(&free, &total) == cudaSuccess && count * sizeof(T) + total / 2 < free;

@@ -24,7 +24,7 @@ struct NumberedSphere {
 };
 
 // Calls found(pair, sphere, sphere) for each contact of sphere k, of another world, with one of kEveryWorld.
-// OwnsAll: without a region, which would take 4 % more time.
+// OwnsAll: there is no region. Without code for one the search takes 4 % less time.
 template <bool OwnsAll, class Found>
 __device__ void find(const EveryWorldTask& task, std::uint32_t k, Found found) {
   if (task.source.world[k] == kEveryWorld) return;
@@ -127,7 +127,7 @@ void EveryWorld::count(const DeviceSpheres& source, std::uint64_t every, double 
   const auto n = static_cast<std::uint32_t>(every);
   order(source, n, stream);
   task_.source = source, task_.margin = options.margin, task_.numbers = numbers_.data();
-  task_.own = options.own, task_.owns_all = options.own == Region{}, task_.radius_max = radius_max;
+  task_.own = options.own, task_.radius_max = radius_max;
   Sphere* const spheres = spheres_.reserve(n);
   Filter* const filters = filters_.reserve(n);
   read_spheres(source, n, numbers_.data(), spheres, filters, stream);
@@ -138,7 +138,7 @@ void EveryWorld::count(const DeviceSpheres& source, std::uint64_t every, double 
   const std::uint64_t all = source.count + std::uint64_t(1);
   task_.counts = counts_.reserve(all), task_.offsets = offsets_.reserve(all);
   cuda_check(cudaMemsetAsync(task_.counts + source.count, 0, sizeof *task_.counts, stream), "begin");
-  (task_.owns_all ? count_contacts<true> : count_contacts<false>)(task_, stream);
+  (task_.own == Region{} ? count_contacts<true> : count_contacts<false>)(task_, stream);
   exclusive_sum(task_.counts, task_.offsets, all, scratch_, stream);
   cuda_check(cudaMemcpyAsync(total_.reserve(1), task_.offsets + source.count, sizeof *task_.offsets,
                              cudaMemcpyDeviceToHost, stream),
@@ -151,7 +151,7 @@ std::uint64_t EveryWorld::counted(cudaStream_t stream) {
 }
 
 void EveryWorld::write(const Output& output, std::uint64_t first, cudaStream_t stream) const {
-  (task_.owns_all ? write_contacts<true> : write_contacts<false>)(task_, output, first, stream);
+  (task_.own == Region{} ? write_contacts<true> : write_contacts<false>)(task_, output, first, stream);
 }
 
 }  // namespace padder::detect::cuda

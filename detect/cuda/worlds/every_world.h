@@ -11,8 +11,7 @@ namespace padder::detect::cuda {
 struct EveryWorldTask {
   DeviceSpheres source;  // its world: of all spheres
   double margin = 0;
-  Region own;  // contacts whose midpoint lies elsewhere are left out, unless owns_all
-  bool owns_all = true;
+  Region own;  // contacts whose midpoint lies elsewhere are left out
   double radius_max = 0;
   std::uint32_t every = 0;                 // spheres of kEveryWorld
   WideTree tree;                           // of these

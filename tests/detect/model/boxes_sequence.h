@@ -26,9 +26,8 @@ struct BoxesFound {
 // Gives a part whose spheres are all of one world no array of worlds.
 inline void name_one_world(Spheres& part) {
   const std::span<const std::uint32_t> worlds(part.world, part.world ? part.count : 0);
-  if (worlds.empty() || std::ranges::find_if(worlds, [&](auto w) { return w != worlds[0]; }) != worlds.end())
-    return;
-  part.world = nullptr, part.world_of_all = worlds[0];
+  if (!worlds.empty() && std::ranges::all_of(worlds, [&](auto w) { return w == worlds[0]; }))
+    part.world_of_all = worlds[0], part.world = nullptr;
 }
 
 // The detector of a sequence.
