@@ -125,7 +125,7 @@ enum class Order : std::uint8_t {
   fixed [[deprecated("use Order::stable")]] = stable
 };
 // What the grid path searches for scenes with bodies: first balls around parts of bodies and then the spheres
-// of the parts whose balls touch, or every sphere at once. `automatic` estimates which one is faster.
+// of the parts whose balls touch, or every sphere at once. `automatic`: the faster, by estimates and tries.
 enum class Bodies : std::uint8_t { automatic, first, expanded };
 // What is written for each contact: the pair; also normal and penetration; also both points.
 enum class Width : std::uint8_t { pairs, normals, points };

@@ -6,10 +6,12 @@
 #include <optional>
 #include <utility>
 
+#include "detect/core/bodies/way_choice.h"
 #include "detect/cuda/bodies/bodies.h"
 #include "detect/cuda/call/sphere_search.h"
 #include "detect/cuda/device/device.h"
 #include "detect/cuda/device/profile_range.h"
+#include "detect/cuda/device/stream_timer.h"
 #include "detect/cuda/input/input_copy.h"
 #include "detect/cuda/output/records.h"
 #include "detect/cuda/reference/nine_stages.h"
@@ -30,31 +32,33 @@ class Work {
   Contacts detect(const Input& input, const CallOptions& given) {
     CallOptions options = given;
     const ProfileRange range("padder: detect");
-    const bool grid = options.path == Path::grid, may_go_first = grid && options.bodies != Bodies::expanded;
-    const bool judged = input.revision != 0 && input.revision == judged_ && options.order == judged_order_;
-    const auto goes_first = [&] {
-      return may_go_first && (options.bodies == Bodies::first || automatic_first_);
-    };
-    const bool known = bodies_.knows(input) && (judged || options.bodies == Bodies::first) && goes_first();
+    const bool grid = options.path == Path::grid, automatic = options.bodies == Bodies::automatic;
     read_facts(input);
     const bool worlds = grid && has_worlds(facts_.tally, input);
-    // In any order, further calls of a revision keep to what its first call found.
-    if (options.bodies == Bodies::automatic && grid && !known && !worlds &&
-        !(judged && options.order == Order::any))
-      judge(input, options);
-    const bool first = !worlds && goes_first();
+    if (grid && automatic && !worlds) judge(input, options);
+    const bool first = grid && !worlds && (automatic ? way_.first() : options.bodies == Bodies::first);
     // Most pairs then stay near their place. The search of spheres sees to that itself.
     if (options.history && (worlds || first)) options.order = Order::stable;
+    const bool may_try = automatic && !worlds && judged_.tries, timed = may_try && way_.times();
     const Call call = begin(input, options);
+    if (timed) timer_.begin(stream_);
     if (options.history) history_.begin({list_.keep_pairs(), last_count_}, stream_);
     Contacts c;
     c.memory = options.output, c.width = options.width, c.scalar = options.scalar;
     // Has the search matched its list itself?
     bool matched = false;
-    if (worlds)
+    const bool went_first = first && search_bodies(call, c);
+    if (worlds) {
       matched = search_worlds(call, c);
-    else if (!(first && search_bodies(call, c)))
-      search_spheres(call, c), matched = grid;
+    } else if (!went_first) {
+      try {
+        search_spheres(call, c), matched = grid;
+      } catch (const MemoryError&) {
+        if (!may_try || !way_.trying()) throw;
+        forget(), expanded_fits_ = false;
+        return detect(input, given);
+      }
+    }
     forget_unseen();
     if (options.history && !matched) match(call, c);
     const std::uint32_t* const history = options.history ? history_.end(c.count) : nullptr;
@@ -63,6 +67,8 @@ class Work {
       list_.deliver(options, c, history, call.stream);
     }
     pairs_on_device_ = list_.pairs(), last_count_ = c.count;
+    if (may_try && went_first == first)
+      way_.took(timed ? timer_.seconds(stream_) : 0, is_worth_trying(!went_first));
     c.seconds = clock_.seconds();
     running_ = false;
     return c;
@@ -159,28 +165,44 @@ class Work {
     if (!facts_.census) facts_.census = census_of(input.shapes, facts_.tally, bodies_.pieces());
     return *facts_.census;
   }
-  // Are bodies to be searched first, and how many pairs of balls may touch then? A stable order depends on
-  // nothing but that number; in any order a sample tells beforehand, if poses lie in host memory.
+  // Which way does Bodies::automatic go? In any order the calls of one scene keep to what they found, and try
+  // the other way; a sample tells the first of them, if poses lie in host memory. A stable order depends on
+  // nothing but the number of pairs of balls that touch.
   void judge(const Input& input, const CallOptions& options) {
-    judged_ = input.revision, judged_order_ = options.order;
-    const bool any_order = options.order == Order::any;
-    const BodyCosts costs = any_order && input.revision == 0 ? tuning::kNewBodies : tuning::kKnownBodies;
+    const bool any_order = options.order == Order::any, new_bodies = any_order && input.revision == 0;
+    Judged scene{options.order, options.margin, input.revision, facts_.bodies, facts_.loose, spheres()};
+    scene.tries = any_order && options.precision == Precision::exact && !options.history &&
+                  options.memory_limit == 0 && options.own == Region{};
+    if (scene == judged_ && (any_order || input.revision != 0)) return;
+    judged_ = scene;
+    const BodyCensus bodies = census(input);
     // Without a revision the table of what is static would be made in each call, which takes far longer.
-    const bool keeps_table = any_order && input.revision != 0;
-    const std::uint64_t moving =
-        keeps_table ? moving_loose(input, static_cast<cudaStream_t>(options.stream)) : loose_count(input);
-    most_pairs_ = most_touching_balls(census(input), spheres(), facts_.loose, moving, costs);
-    automatic_first_ = most_pairs_ > 0;
-    if (!automatic_first_ || !any_order) return;
-    automatic_first_ = touching_balls(input, options.margin, bodies_.pieces()) < most_pairs_;
+    const std::uint64_t moving = any_order && !new_bodies
+                                     ? moving_loose(input, static_cast<cudaStream_t>(options.stream))
+                                     : facts_.loose;
+    const auto most = [&](double times) {
+      return most_touching_balls(bodies, scene.spheres, scene.loose, moving,
+                                 new_bodies ? tuning::kNewBodies : tuning::kKnownBodies, times);
+    };
+    most_pairs_ = most(1), few_pairs_ = most(1 / tuning::kTried), tried_pairs_ = most(tuning::kTried);
+    if (facts_.bodies == 0 && moving == facts_.loose) tried_pairs_ = 0;  // nothing that could be faster
+    hollow_ = bodies.filled < tuning::kHollow;
+    bool first = most_pairs_ > 0;
+    if (first && any_order) first = touching_balls(input, options.margin, bodies_.pieces()) < most_pairs_;
+    way_ = WayChoice(first);
+  }
+  // May the other way be as fast as that of this call?
+  bool is_worth_trying(bool first) const {
+    if (first) return tried_pairs_ > 0;
+    return expanded_fits_ && judged_.spheres <= tuning::kTriedSpheres && bodies_.pairs() >= few_pairs_;
   }
   bool search_bodies(const Call& call, Contacts& c) {
     const bool automatic = call.options.bodies == Bodies::automatic;
     bodies_seen_ = true;
     BodySearch::PairLimit limit;
-    if (automatic) limit = {most_pairs_, census(call.input).filled < tuning::kHollow};
+    if (automatic) limit = {way_.by_clock() ? tried_pairs_ : most_pairs_, hollow_};
     const bool done = bodies_.run(call, limit, c);
-    if (!done && automatic && call.options.order == Order::any) automatic_first_ = false;
+    if (!done && automatic && call.options.order == Order::any) way_.gave_up();
     return done;
   }
   // What does not change within a revision, since bodies may be many. Throws Error for an input that cannot
@@ -254,7 +276,7 @@ class Work {
     }
     return answers_.settle(stream_) || margin == call.options.margin;
   }
-  void forget_revision() { judged_ = gave_up_ = 0, facts_ = {}; }
+  void forget_revision() { judged_ = {}, gave_up_ = 0, facts_ = {}; }
   // Of bodies a search knows only what it saw in the call before.
   void forget_unseen() {
     if (!std::exchange(bodies_seen_, false)) bodies_.forget();
@@ -337,11 +359,21 @@ class Work {
   WorldSearch worlds_{book_, posed_};
   WorldsApart worlds_apart_{book_};
   AnswerArrays answers_{book_};
-  // What Bodies::automatic means for the revision `judged_`.
-  bool automatic_first_ = false;
-  double most_pairs_ = INFINITY;
-  std::uint64_t judged_ = 0;
-  Order judged_order_ = Order::stable;
+  // What Bodies::automatic means for calls of one scene.
+  struct Judged {
+    Order order = Order::stable;
+    double margin = -1;  // of no scene
+    std::uint64_t revision = 0, bodies = 0, loose = 0, spheres = 0;
+    bool tries = false;  // the way that is not chosen
+    friend bool operator==(const Judged&, const Judged&) = default;
+  } judged_;
+  WayChoice way_;
+  // Of balls that touch: with more, bodies first are slower by the costs; with fewer than few_pairs_ they are
+  // kTried times as fast, with more than tried_pairs_ kTried times as slow.
+  double most_pairs_ = INFINITY, few_pairs_ = 0, tried_pairs_ = INFINITY;
+  bool hollow_ = false;        // PairLimit::hollow
+  bool expanded_fits_ = true;  // no try has failed for want of memory
+  StreamTimer timer_;
   // Of this call. Also of the next ones with the revision, if nothing else here differs.
   struct Facts {
     std::uint64_t revision = 0, bodies = 0, loose = 0;

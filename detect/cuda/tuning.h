@@ -119,6 +119,11 @@ inline constexpr BodyCosts kKnownBodies{.octave = 0.5,
 // (docs/experiments/bodies.md).
 inline constexpr double kHollow = 1.0 / 32, kPackedPairs = 8;
 
+// In any order the way that the costs did not choose is tried, too, where it takes less than kTried times as
+// long by the costs; and none that would expand more than kTriedSpheres, some 300 MB.
+inline constexpr double kTried = 4;
+inline constexpr std::uint64_t kTriedSpheres = 4'000'000;
+
 // Worlds. Where bodies, loose spheres counted as bodies, have no more than kSmallBody spheres on average, the
 // spheres are searched side by side. Else the tree is tried first, and gives up where it would take longer
 // than the spheres: these take about so long for a call, and for each sphere. A step of a warp and a pair of

@@ -79,7 +79,9 @@ double median_of(const Settings& s, detect::BackendKind backend, detect::Bodies 
   detect::Detector d({backend}, o);
   std::uint64_t count = 0;
   const auto call = [&] { count = detect_watched(d, input).count; };
-  call(), call();
+  // In any order a GPU's detector tries the other way after 200 calls, and may choose it.
+  const bool tries = backend == detect::BackendKind::cuda && way == detect::Bodies::automatic;
+  for (int k = 0; k < (tries ? 230 : 2); k++) call();
   const double seconds = median_seconds(s.repeat, call);
   if (contacts != ~std::uint64_t(0) && contacts != count) throw Error("two ways find different contacts");
   contacts = count;

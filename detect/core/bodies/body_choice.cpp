@@ -114,11 +114,11 @@ BodyCensus census_of(std::span<const Shape> shapes, const BodyTally& bodies, Pie
 }
 
 double most_touching_balls(const BodyCensus& census, std::uint64_t spheres, std::uint64_t loose,
-                           std::uint64_t moving_loose, const BodyCosts& costs) {
+                           std::uint64_t moving_loose, const BodyCosts& costs, double times) {
   const auto balls = static_cast<double>(census.balls), moving = static_cast<double>(moving_loose);
   const double expanded = static_cast<double>(spheres - loose) + costs.loose * static_cast<double>(loose);
   // A loose sphere costs as much again, because it is brought into the balls' order as well.
-  double left = expanded * (1 + costs.octave * census.octaves) - costs.call -
+  double left = times * expanded * (1 + costs.octave * census.octaves) - costs.call -
                 costs.body * static_cast<double>(census.bodies) - costs.ball * balls -
                 (costs.loose + 1) * moving;
   if (census.some_static || moving_loose < loose)

@@ -37,12 +37,12 @@ struct BodyCensus {
 // `pieces` are brought up to date. Costs a pass over the spheres of the shapes.
 BodyCensus census_of(std::span<const Shape> shapes, const BodyTally& bodies, Pieces& pieces);
 
-// How many pairs of balls that touch are worth it to search bodies first. 0: however few; infinity: however
-// many, since they cost nothing. What is static costs nothing then: it is in a table that is kept with the
-// revision. `spheres`: all of them; `loose` of these are loose, and `moving_loose` are not static either.
-// Does not depend on where anything is.
+// How many pairs of balls that touch are worth it to search bodies first, if that may take `times` as long as
+// to expand them. 0: however few; infinity: however many, since they cost nothing. What is static costs
+// nothing then: it is in a table that is kept with the revision. `spheres`: all of them; `loose` of these are
+// loose, and `moving_loose` are not static either. Does not depend on where anything is.
 double most_touching_balls(const BodyCensus& census, std::uint64_t spheres, std::uint64_t loose,
-                           std::uint64_t moving_loose, const BodyCosts& costs);
+                           std::uint64_t moving_loose, const BodyCosts& costs, double times = 1);
 
 // How many pairs of balls touch, of pieces of two bodies, or of a piece and a loose sphere. Long and hollow
 // bodies have many such pairs with few contacts. Estimated from a sample: of n bodies, the larger of 128 and

@@ -28,6 +28,8 @@ class BodySearch {
   // the bodies must be searched one by one. Either something is out of the ordinary (a pose that is none,
   // coordinates beyond what a record holds), or more balls touch than the limit, by count or by estimate.
   bool run(const Call& call, PairLimit limit, Contacts& contacts);
+  // How many balls touched in the last run that was not in vain.
+  double pairs() const { return static_cast<double>(found_.broad.contacts + found_.static_pairs); }
 
  private:
   // Everything that decides what the device does between its first kernel and its count: whatever a kernel is
