@@ -59,6 +59,15 @@ double size_of_sparse(const Summary::Octave& all, double size) {
   return rounded_up(size * std::exp2(std::floor(2 * std::log2(emptier)) / 6));
 }
 
+// Level::spheres of so many. Steps of one of several levels are coarser: how many spheres it will have in the
+// next call is known for all levels together.
+std::uint64_t most_spheres(std::uint64_t count, bool alone, GridBounds bounds) {
+  if (bounds == GridBounds::tight) return count;
+  const std::uint64_t step = std::max<std::uint64_t>(std::bit_floor(count) / (alone ? 64 : 16), 4),
+                      more = bounds == GridBounds::wide ? step / 2 : 0;
+  return (count + more + step - 1) / step * step;
+}
+
 // What Level::count of a hashed level says of more bins, too. They then have no bounds.
 constexpr std::uint32_t kMostHashedBins = 0x7fffffff;
 
@@ -208,7 +217,7 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     if (cross_search == CrossSearch::coarse_to_fine && runs.size() > 1) l.size = size_of_sparse(all, l.size);
     l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max,
     l.grown_by = s.grown_by;
-    l.spheres = all.count;
+    l.spheres = most_spheres(all.count, runs.size() == 1, bounds);
     // A level with few spheres may have as many bins as the finer levels: as its bins are coarser, it has
     // fewer.
     const double many =
@@ -246,9 +255,27 @@ bool covers(const Grid& g, const Summary& given) {
            last_bin(l, octave.high[k]) >= l.first[k] + static_cast<std::int64_t>(l.count[k])))
         return false;
   }
-  for (int k = 0; k < g.levels; k++)
-    if (count[k] != g.level[k].spheres) return false;
+  for (int k = 0; k < g.levels; k++) {
+    const std::uint64_t most = g.level[k].spheres;
+    if (count[k] > most || count[k] + most / 8 + 8 < most) return false;
+  }
   return true;
+}
+
+bool have_same_bins(Grid a, const Grid& b) {
+  for (int k = 0; k < a.levels; k++) a.level[k].spheres = b.level[k].spheres;
+  return a == b;
+}
+
+Summary with_count(const Summary& given, std::uint64_t count) {
+  Summary s = given;
+  const double times = static_cast<double>(count) / static_cast<double>(std::max<std::uint64_t>(s.count, 1));
+  for (Summary::Octave& o : s.octave)
+    if (o.count)
+      o.count =
+          std::max<std::uint64_t>(static_cast<std::uint64_t>(static_cast<double>(o.count) * times + 0.5), 1);
+  s.count = count;
+  return s;
 }
 
 Summary expected_next(const Summary& before, const Summary& now) {

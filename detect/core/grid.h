@@ -49,7 +49,7 @@ struct Level {
   std::uint32_t ring = 1;                      // a power of two
   std::uint32_t row = 0, plane = 0, side = 0;  // of the hash; 0 where the level is dense
   std::uint32_t offset = 0, buckets = 1;       // its keys are offset to offset + buckets - 1
-  std::uint64_t spheres = 0;                   // their number, by the summary
+  std::uint64_t spheres = 0;                   // no more than so many, and not many fewer (choose_grid())
   double filled = 1;                           // the part of the bins that lies within the spheres' bounds
   double least_filled = 1;  // the same, if those that lie across a face of the bins all go to one side of it
   friend bool operator==(const Level&, const Level&) = default;
@@ -230,7 +230,8 @@ Hash hash_of_ring(int bits);
 
 // How far a dense level's bins go beyond the bounds of its spheres. Tight: not at all. Stepped: to multiples
 // of some bins, so that bounds which move a little seldom change the grid. Wide: by some bins on each side,
-// so that the grid serves spheres that move (covers()).
+// so that the grid serves spheres that move (covers()). Level::spheres goes in steps likewise, so that a few
+// spheres more or less seldom change the grid; of tight bounds it is the number.
 enum class GridBounds { tight, stepped, wide };
 
 // Host code. Merges octaves into the levels that cost least for that way of searching, and lays out their
@@ -242,6 +243,11 @@ Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8,
 // Host code. Does the grid serve these spheres? Each has a level whose bins are wide enough for it, and lies
 // within the level's bounds. The grid need not be the one that choose_grid() would choose.
 bool covers(const Grid& grid, const Summary& s);
+// Host code. Do the grids differ in how many spheres their levels have, at most? Then they have the same
+// order.
+bool have_same_bins(Grid a, const Grid& b);
+// Host code. What the summary may be if there are so many spheres, of the same sizes at the same places.
+Summary with_count(const Summary& given, std::uint64_t count);
 // Host code. What the summary of the next call may be, if the spheres go on moving as they did from `before`
 // to `now`, at up to twice the speed.
 Summary expected_next(const Summary& before, const Summary& now);

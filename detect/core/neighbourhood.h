@@ -38,20 +38,30 @@ struct Neighbourhood {
   // Of a probe's group, a target's group, and the first of the groups' distances that is not exceeded.
   std::uint32_t pairs[kMaxLevels][kMaxLevels][kMaxLevels] = {};
 };
-// Few spheres have fewer of both: counting must not take longer than the call.
-PADDER_HD std::uint32_t probes_of(std::uint64_t spheres) {
-  const std::uint64_t some = spheres / 512;
-  return some < Neighbourhood::kProbes ? static_cast<std::uint32_t>(some) : Neighbourhood::kProbes;
+// The input is cut into parts, and one sphere is taken from each, anywhere, because the input may have an
+// order of its own. A part for targets has so many spheres, one for probes eight times as many. It has at
+// least 64: counting must not take longer than the call. It goes in steps, so that mostly the same spheres
+// are taken where a few come or go. Spheres behind the last whole part are in none.
+inline constexpr std::uint32_t kPartsOfProbe = Neighbourhood::kTargets / Neighbourhood::kProbes;
+PADDER_HD std::uint32_t part_of_targets(std::uint64_t spheres) {
+  std::uint64_t part = spheres / Neighbourhood::kTargets + 1;
+  int shift = 0;
+  while (part >> shift >= 16) shift++;
+  if (shift > 0) part = ((part >> shift) + 1) << shift;
+  return part < 64 ? 64 : static_cast<std::uint32_t>(part);
+}
+PADDER_HD std::uint32_t part_of_probes(std::uint64_t spheres) {
+  return kPartsOfProbe * part_of_targets(spheres);
 }
 PADDER_HD std::uint32_t targets_of(std::uint64_t spheres) {
-  const std::uint64_t some = spheres / 64;
-  return some < Neighbourhood::kTargets ? static_cast<std::uint32_t>(some) : Neighbourhood::kTargets;
+  return static_cast<std::uint32_t>(spheres / part_of_targets(spheres));
 }
-// The k-th of so many that are drawn: the input is cut into as many parts, and one sphere is taken from each,
-// anywhere, because the input may have an order of its own. Fewer than `drawn` spheres at its end are in no
-// part.
-PADDER_HD std::uint32_t drawn_at(std::uint32_t k, std::uint32_t drawn, std::uint64_t spheres) {
-  const std::uint32_t part = static_cast<std::uint32_t>(spheres) / drawn, begin = k * part;
+PADDER_HD std::uint32_t probes_of(std::uint64_t spheres) {
+  return static_cast<std::uint32_t>(spheres / part_of_probes(spheres));
+}
+// The sphere that is taken from part number k.
+PADDER_HD std::uint32_t drawn_at(std::uint32_t k, std::uint32_t part) {
+  const std::uint32_t begin = k * part;
   return begin + static_cast<std::uint32_t>(((mixed(begin) >> 32) * part) >> 32);
 }
 
@@ -64,18 +74,19 @@ std::shared_ptr<const Neighbourhood> probe_neighbourhood(const Summary& s, const
   Neighbourhood& n = *made;
   const SizeGroups groups = n.groups = size_groups(s);
   const auto group_of = [&](const Sphere& p) { return groups.of_octave[octave_of(groups.top, need_of(p))]; };
-  const std::uint32_t probes = probes_of(s.count), targets = targets_of(s.count);
+  const std::uint32_t probes = probes_of(s.count), targets = targets_of(s.count),
+                      part = part_of_targets(s.count);
   double x[Neighbourhood::kTargets], y[Neighbourhood::kTargets], z[Neighbourhood::kTargets],
       distance[Neighbourhood::kTargets];
   std::uint8_t group[Neighbourhood::kTargets];
   std::uint32_t number[Neighbourhood::kTargets];
   for (std::uint32_t k = 0; k < targets; k++) {
-    const Sphere p = at(number[k] = drawn_at(k, targets, s.count));
+    const Sphere p = at(number[k] = drawn_at(k, part));
     x[k] = p.x, y[k] = p.y, z[k] = p.z, group[k] = group_of(p);
   }
   const double farthest = groups.within[groups.count - 1];
   for (std::uint32_t q = 0; q < probes; q++) {
-    const std::uint32_t own = drawn_at(q, probes, s.count);
+    const std::uint32_t own = drawn_at(q, kPartsOfProbe * part);
     const Sphere probe = at(own);
     const std::uint8_t of_probe = group_of(probe);
     n.probes[of_probe]++;

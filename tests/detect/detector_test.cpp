@@ -486,6 +486,35 @@ TEST_P(DetectorTest, TheListIsFixed) {
   }
 }
 
+// Calls whose spheres are a few more or less than before, or whose margin is another, begin with what the
+// call before found. Their lists are those of a new detector, also where many come or go.
+TEST_P(DetectorTest, SpheresComeAndGo) {
+  if (options_.path == Path::nine_stages) GTEST_SKIP() << "begins anew in each call";
+  TestScene equal = random_scene(12'000, 1, 1, 7), unequal = random_scene(12'000, 100, 1, 7), far = equal;
+  far.spheres[0].x = 1e12;  // for bins in fixed point
+  for (const TestScene& given : {equal, unequal, far})
+    for (const Order order : {Order::stable, Order::any}) {
+      if (order == Order::any && options_.precision != Precision::exact) continue;  // float decides otherwise
+      const TestScene s = given.rounded();
+      const Arranged a(s, GetParam().input);
+      Input in = a.input;
+      options_.order = order;
+      int call = 0;
+      for (const std::size_t less : {0, 1, 3, 3, 40, 39, 300, 900, 1400, 0, 2000, 6000, 6001, 11'990, 0}) {
+        in.spheres.count = s.spheres.size() - less;
+        options_.margin = call % 3 == 1 ? 0.01 : call % 7 == 2 ? 0.02 : 0;
+        detector().options() = options_;
+        Detector fresh(device_, options_);
+        const auto list = [&](const Contacts& c) {
+          return order == Order::any ? sorted(c.pair_span()) : std::vector<Pair>(c.pairs, c.pairs + c.count);
+        };
+        const std::vector<Pair> found = list(detector().detect(in)), wanted = list(fresh.detect(in));
+        EXPECT_TRUE(found == wanted) << "call " << call << ", " << less << " fewer";
+        call++;
+      }
+    }
+}
+
 // Faces lie where a sphere begins or ends, where its centre is, or through the midpoint of a contact, and a
 // step of double to either side: whether contacts are the box's is then as hard to say as it can be.
 TEST_P(DetectorTest, ABoxBetweenSpheresOwnsWhatTheirMidpointsSay) {

@@ -10,6 +10,7 @@
 // A pass over the device counts everything to its end, even what finds no room. So after one pass it is known
 // how large everything must be; then the pass is repeated.
 #pragma once
+#include <algorithm>
 
 namespace padder::detect::cuda {
 
@@ -32,12 +33,9 @@ class SpeculativeCall {
     if (may_try && retry_cooldown_ == 0) {
       trial = steps.try_previous();
       if (trial == Trial::refused) return false;
-      if (trial == Trial::differs) {
-        retry_cooldown_ = since_failure_ < kSeldom ? kAfterFailure : 0;
-        since_failure_ = 0;
-      }
+      doubt_ = trial == Trial::fits ? std::max(doubt_ - 1, 0) : doubt_ + kInVain;
+      if (doubt_ > kMostDoubt) retry_cooldown_ = kAfterFailure, doubt_ = kMostDoubt;
     }
-    if (since_failure_ < kSeldom) since_failure_++;
     if (trial == Trial::differs) {
       if (retry_cooldown_ > 0) retry_cooldown_--;
       if (!steps.survey()) return false;
@@ -48,11 +46,11 @@ class SpeculativeCall {
   }
 
  private:
-  // A trial in vain costs a whole search. After two within kSeldom calls the detector waits; the call in
-  // which the second failed counts as the first of these.
-  static constexpr int kAfterFailure = 5, kSeldom = 20;
-  int since_failure_ = kSeldom;  // calls, up to kSeldom
-  int retry_cooldown_;           // calls to wait before the previous grid is tried again
+  // A trial in vain costs a whole search, and one that fits saves a third to half of one. Where more than a
+  // fourth are in vain the detector waits for some calls; that of the last trial is the first of these.
+  static constexpr int kAfterFailure = 5, kInVain = 3, kMostDoubt = 6;
+  int doubt_ = 0;       // kInVain for each trial in vain, less 1 for each that fits
+  int retry_cooldown_;  // calls to wait before the previous grid is tried again
 };
 
 }  // namespace padder::detect::cuda

@@ -96,6 +96,13 @@ bool serves(const SlotQuota& quota, const SlotQuota& best) {
   return near_below(quota.tile, best.tile) && near_below(quota.unit, best.unit);
 }
 
+// Fixed-point slots are of spheres that are grown by what the grid says: more would be too much.
+bool has_margin(const Grid& grid, SlotKind kind, const Summary& s) {
+  return kind != SlotKind::fixed_point || grid.level[0].grown_by == s.grown_by;
+}
+
+bool are_about_as_many(std::uint64_t a, std::uint64_t b) { return a - a / 8 <= b && b - b / 8 <= a; }
+
 void check(const DeviceSpheres& source, const Summary& s, const Call& call) {
   if (s.first_fault != ~std::uint64_t(0)) {
     const Sphere faulty = sphere_at(source, static_cast<std::uint32_t>(s.first_fault), call.stream);
@@ -145,18 +152,29 @@ bool SphereSearch::still_good(const Call& call, const Summary& previous) {
   return good;
 }
 
-// The grid of a stable order follows from the spheres of its call alone, so the next call begins with a
-// guess: the spheres stay or, for some calls after one in which another grid was right, they go on as they
-// did since the call before. Where the guesses differ, the one that turns out to be right counts until the
-// other one does.
-void SphereSearch::guess_grid(const Call& call, const Summary& before) {
-  const Grid& now = plan_.grid;
-  const bool stayed = now == kept_, went_on = guesses_ > 0 && now == going_on_;
+// The grid that this call begins with, where there are not many more or fewer spheres than before. The margin
+// may be another. In any order the grid stays while it can. That of a stable order follows from the spheres
+// of its call alone, and is guessed: the spheres stay or, for some calls after one in which another grid was
+// right, they go on as they did since the call before.
+void SphereSearch::expect(std::uint64_t count, const Call& call) {
+  const bool same = summary_.count == count && plan_.search.margin == call.options.margin &&
+                    planned_order_ == call.options.order;
+  if (!same) summary_ = with_count(summary_, count), set_growth(call.options);
+  if (call.options.order == Order::any) {
+    if (!same && !(covers(grid_, summary_) && has_margin(grid_, plan_.kind, summary_)))
+      grid_ = best_grid(call, summary_, GridBounds::wide);
+    return;
+  }
+  kept_ = same ? plan_.grid : best_grid(call, summary_, GridBounds::stepped);
+  if (guesses_ > 0) going_on_ = best_grid(call, going_on(before_, summary_), GridBounds::stepped);
+  grid_ = guesses_ > 0 && goes_on_ ? going_on_ : kept_;
+}
+
+// Where the guesses differ, the one that turns out to be right counts until the other one does.
+void SphereSearch::learn_from_guess() {
+  const bool stayed = plan_.grid == kept_, went_on = guesses_ > 0 && plan_.grid == going_on_;
   if (stayed != went_on) goes_on_ = went_on;
   guesses_ = stayed ? std::max(guesses_ - 1, 0) : tuning::kCallsGuessed;
-  kept_ = now;
-  if (guesses_ > 0) going_on_ = best_grid(call, going_on(before, summary_), GridBounds::stepped);
-  grid_ = guesses_ > 0 && goes_on_ ? going_on_ : kept_;
 }
 
 // Would a survey lead to the same DeviceSpheres::origin? For a stable order, which must not depend on the
@@ -348,7 +366,7 @@ struct SphereSearch::Steps {
   const DeviceSpheres& source;
   const Call& call;
   Contacts& contacts;
-  bool again;             // a call before had as many spheres
+  bool again;             // the call before had about as many spheres
   bool surveyed = false;  // by a trial that found the spheres to be others, but all it needed to know
   bool in_order = false;  // the last pass put the spheres in an order that still serves
 
@@ -393,10 +411,10 @@ struct SphereSearch::Steps {
     const Grid next = std::exchange(s.grid_, tried);
     s.make_plan(source, call, s.summary_);
     s.grid_ = next;
-    if (good && (!probed || same_groups()) && kind == s.plan_.kind && rounded == s.plan_.rounded &&
-        searched == s.plan_.search &&
-        (kind != SlotKind::equal || s.summary_.radius_max == previous.radius_max))
-      return Trial::fits;
+    in_order = !s.found_.flags && kind == s.plan_.kind && rounded == s.plan_.rounded &&
+               has_margin(tried, kind, s.summary_) &&
+               (kind != SlotKind::equal || s.summary_.radius_max == previous.radius_max);
+    if (in_order && good && (!probed || same_groups()) && searched == s.plan_.search) return Trial::fits;
     surveyed = same_groups() && !(s.found_.flags & kCrowded) && rounded == s.plan_.rounded;
     return Trial::differs;
   }
@@ -406,6 +424,7 @@ struct SphereSearch::Steps {
     call.clock.mark(0);
     // The spheres move, where the grid of a call before did not fit.
     s.grid_ = s.best_grid(call, s.summary_, may_try() ? GridBounds::wide : GridBounds::tight);
+    in_order = in_order && surveyed && have_same_bins(s.grid_, s.plan_.grid);
     s.make_plan(source, call, s.summary_);
     s.lengthen_to_lend(call);
     s.method_ = OrderMethod::automatic;
@@ -463,9 +482,10 @@ struct SphereSearch::Steps {
 
 void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& contacts) {
   const std::uint64_t planned_for = std::exchange(planned_for_, 0);  // until all went well
-  if (planned_for != source.count) spread_ = false, crowding_ = 0, long_rows_ = 0;
-  const bool planned = planned_for == source.count && planned_bin_size_ == call.options.bin_size &&
-                       plan_.search.margin == call.options.margin && planned_wide_ == source.wide;
+  const bool as_many = planned_for > 0 && are_about_as_many(planned_for, source.count);
+  if (!as_many) spread_ = false, crowding_ = 0, long_rows_ = 0;
+  const bool planned = as_many && planned_bin_size_ == call.options.bin_size && planned_wide_ == source.wide;
+  if (planned) expect(source.count, call);
   const Counters before = found_;
   const Summary summary_before = summary_;
   double origin_before[3];
@@ -473,12 +493,14 @@ void SphereSearch::run(const DeviceSpheres& source, const Call& call, Contacts& 
   Steps steps{*this, source, call, contacts, planned};
   speculative_.run(steps, steps.may_try());
   if (call.options.order == Order::stable) {
-    quota_ =
-        quota_for(expected_next(planned ? before : found_, found_), source.count, plan_.grid, plan_.kind);
+    const bool trend = planned && planned_order_ == Order::stable;
+    quota_ = quota_for(expected_next(trend ? before : found_, found_), source.count, plan_.grid, plan_.kind);
     const bool same_origin = planned && std::ranges::equal(origin_before, origin_);
-    guess_grid(call, same_origin ? summary_before : summary_);
+    before_ = same_origin ? summary_before : summary_;
+    if (planned) learn_from_guess();
   }
   planned_for_ = source.count, planned_bin_size_ = call.options.bin_size, planned_wide_ = source.wide;
+  planned_order_ = call.options.order;
   call.clock.mark(8);
 }
 

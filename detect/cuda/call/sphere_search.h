@@ -101,7 +101,8 @@ class SphereSearch {
   Grid best_grid(const Call& call, const Summary& summary, GridBounds bounds) const;
   bool still_good(const Call& call, const Summary& previous);
   bool origin_stays(const Call& call) const;
-  void guess_grid(const Call& call, const Summary& before);
+  void expect(std::uint64_t count, const Call& call);
+  void learn_from_guess();
   void set_growth(const CallOptions& options);
   void survey_as_searched(const DeviceSpheres& source, const Call& call);
   void make_plan(const DeviceSpheres& source, const Call& call, const Summary& summary);
@@ -120,12 +121,12 @@ class SphereSearch {
   Recording<Plan> recording_;
   SpeculativeCall speculative_{0};
   KeptBuckets buckets_;
-  Summary summary_;
+  Summary summary_, before_;      // of the last call, and of that before it
   bool rounded_ = false;          // summary_ is of doubles rounded to float
   double origin_[3] = {0, 0, 0};  // of DeviceSpheres, for those
   double radius_of_all_ = 0;      // likewise
   Grid grid_;                     // that the next pass is to use
-  Grid kept_, going_on_;          // guesses for a stable order: see guess_grid()
+  Grid kept_, going_on_;          // guesses for a stable order: see expect()
   bool goes_on_ = false;          // the second one was right, when the first was not
   int guesses_ = 0;               // calls in which there is a second one
   std::uint64_t calls_ = 0;       // in any order, after which the grid could stay
@@ -134,6 +135,7 @@ class SphereSearch {
   std::uint64_t long_rows_ = 0;    // SearchOptions::long_rows that the spheres asked for
   std::uint64_t planned_for_ = 0;  // spheres of summary_; 0: it is not to be relied on
   bool planned_wide_ = false;
+  Order planned_order_ = Order::stable;
   double planned_bin_size_ = 0;  // CallOptions::bin_size of that plan
   Counters found_{};             // by the last pass
   Ordered ordered_;              // where that pass left the spheres

@@ -187,12 +187,12 @@ __global__ void __launch_bounds__(kProbes)
                       begin = blockIdx.x * kBlockTargets,
                       some = targets > begin ? min(targets - begin, kBlockTargets) : 0;
   if (threadIdx.x < some) {
-    const std::uint32_t number = drawn_at(begin + threadIdx.x, targets, source.count);
+    const std::uint32_t number = drawn_at(begin + threadIdx.x, part_of_targets(source.count));
     const Sphere s = source.searched(number);
     target[threadIdx.x] = s, target_number[threadIdx.x] = number, target_group[threadIdx.x] = group_of(s);
   }
   const bool has_probe = threadIdx.x < probes;
-  const std::uint32_t number = has_probe ? drawn_at(threadIdx.x, probes, source.count) : 0;
+  const std::uint32_t number = has_probe ? drawn_at(threadIdx.x, part_of_probes(source.count)) : 0;
   const Sphere probe = source.searched(number);
   const int group = group_of(probe);
   __syncthreads();

@@ -224,7 +224,8 @@ __global__ void __launch_bounds__(kWideBlock)
   };
   for (std::uint32_t b = threadIdx.x; b < count; b += kWideBlock) counts[b] = 0;
   // A bucket that has outgrown its room runs into the next one's. The last bucket stops at the last place.
-  const auto place_of = [&](std::uint32_t to) { return Kept ? min(to, roomy(source.count, count)) : to; };
+  const std::uint32_t last_place = Kept ? starts.room[count] : 0;
+  const auto place_of = [&](std::uint32_t to) { return Kept ? min(to, last_place) : to; };
   std::uint32_t number = blockIdx.x;
   if (number >= portions) return;
   std::uint32_t group = 0;

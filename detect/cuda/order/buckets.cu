@@ -99,13 +99,16 @@ std::uint64_t words_of_starts(std::uint32_t buckets) {
 // divided spheres take. Two calls have the same buckets, whatever the spheres do, if their layouts are equal:
 // then those of the first have room in the second.
 std::uint64_t Orderer::plan_rooms(const OrderRequest& r, const Ordered& o, BucketPlan& p) {
-  const std::uint64_t n = o.count, roomy_count = roomy(o.count, p.buckets.count) + 1ull;
+  const std::uint64_t n = o.count;
   Layout layout{n, p.buckets.count, p.buckets.entries};
   for (int k = 0; k < p.buckets.levels; k++) layout.magic[k] = p.buckets.part[k].magic;
+  const bool same = layout_.has_same_buckets(layout);
+  const auto most = static_cast<std::uint32_t>(same ? std::max(n, layout_.spheres) : n);
+  const std::uint64_t roomy_count = roomy(most, p.buckets.count) + 1ull;
   // Rooms are not worth memory of their own where the list lends enough for spheres without rooms.
   const bool fits = r.lent.slots >= roomy_count || r.lent.slots < n,
              keepable = !has_keys(o) && p.groups == 0 && roomy_count > n && fits;
-  p.kept = r.keep && keepable && layout == layout_;
+  p.kept = r.keep && keepable && same;
   keep_layout(keepable ? layout : Layout{});
   return keepable ? roomy_count : n;
 }

@@ -87,10 +87,14 @@ class Orderer {
   std::uint64_t plan_rooms(const OrderRequest& request, const Ordered& o, BucketPlan& plan);
   void plan_work_space(const Lent& list, std::uint64_t split_room, Ordered& o, BucketPlan& plan);
 
-  // Of the buckets whose starts the previous call left behind; none where spheres is 0.
+  // Of the buckets whose starts the previous call left behind, of so many spheres; none where they are 0.
   struct Layout {
     std::uint64_t spheres = 0;
     std::uint32_t buckets = 0, entries = 0, magic[kMaxLevels] = {};
+    bool has_same_buckets(Layout other) const {
+      other.spheres = spheres;
+      return spheres > 0 && other == *this;
+    }
     friend bool operator==(const Layout&, const Layout&) = default;
   };
   void keep_layout(const Layout& layout) {

@@ -220,10 +220,9 @@ struct FusedSearch : FusedQueue<Stable, Given, Owned> {
   // Begins with the rows of a unit; false where it has none.
   __device__ __forceinline__ bool begin_rows(const LevelPair& d, std::uint32_t unit_of_pair) {
     const Level& l = grid.level[d.at];
-    const auto [first, part] = work_of_unit(d, unit_of_pair, 0);
-    // A speculative call may search with the bins of another scene: indices and radii are held within bounds.
-    const std::uint32_t behind_last = min(d.end, task.spheres.count),
-                        members = first < behind_last ? min(d.group, behind_last - first) : 0;
+    const auto [at_sphere, part] = work_of_unit(d, unit_of_pair, 0);
+    const SpheresOfLevel spheres = spheres_of(task, d);
+    const std::uint32_t members = spheres.left(at_sphere, d.group), first = spheres.first + at_sphere;
     Query mine;
     if (lane < members) find_rows(d, first + lane, part, mine);
     const std::uint32_t some = __ballot_sync(kFullWarp, mine.rows != 0);

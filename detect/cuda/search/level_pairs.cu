@@ -115,21 +115,19 @@ LevelPair choose_pair(const Grid& grid, int fine, int coarse, SlotKind kind, boo
 }
 
 // The division with units that are `larger` times as large as planned.
-LevelPairs divide_pairs(const Grid& grid, SlotKind kind, bool fused, double larger) {
+LevelPairs divide_pairs(const Grid& grid, std::uint64_t spheres, SlotKind kind, bool fused, double larger) {
   LevelPairs pairs;
-  std::uint64_t first[kMaxLevels + 1] = {}, units = 0, warps = 0;
-  for (int k = 0; k < grid.levels; k++) first[k + 1] = first[k] + grid.level[k].spheres;
-  const std::uint64_t spheres = first[grid.levels];
+  std::uint64_t units = 0, warps = 0;
   for (int coarse = 0; coarse < grid.levels; coarse++)
     for (int fine = 0; fine < coarse; fine++) {
       LevelPair d = choose_pair(grid, fine, coarse, kind, fused, larger);
-      d.first = d.end = static_cast<std::uint32_t>(first[d.from]);
+      const Level& from = grid.level[d.from];
+      d.entry = from.offset, d.end_entry = from.offset + from.buckets;
       d.first_unit = static_cast<std::uint32_t>(units), d.first_warp = static_cast<std::uint32_t>(warps);
       if (!lie_apart(grid.level[coarse], grid.level[fine])) {
-        d.end = static_cast<std::uint32_t>(first[d.from + 1]);
         d.warp_units = fused || d.parts < 8 || spheres < tuning::kManySpheres ? 1 : tuning::kWarpUnits;
         d.step = d.parts == 1 ? 1 : (d.parts + d.warp_units - 1) / d.warp_units;
-        const std::uint64_t more = (grid.level[d.from].spheres + d.group - 1) / d.group * d.step;
+        const std::uint64_t more = (from.spheres + d.group - 1) / d.group * d.step;
         warps += more, units += more * d.warp_units;
       }
       pairs.pair[pairs.count++] = d;
@@ -141,14 +139,12 @@ LevelPairs divide_pairs(const Grid& grid, SlotKind kind, bool fused, double larg
 
 }  // namespace
 
-LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused) {
-  std::uint64_t spheres = 0;
-  for (int k = 0; k < grid.levels; k++) spheres += grid.level[k].spheres;
+LevelPairs plan_level_pairs(const Grid& grid, std::uint64_t spheres, SlotKind kind, bool fused) {
   // No more units than leave each some work, nor than a stable list has numbers for. Units of 32 spheres with
   // all their rows are the fewest.
   const std::uint64_t most = std::min<std::uint64_t>(spheres / 2 + 65536, kMostUnits);
   for (double larger = 1;; larger *= 4) {
-    const LevelPairs pairs = divide_pairs(grid, kind, fused, larger);
+    const LevelPairs pairs = divide_pairs(grid, spheres, kind, fused, larger);
     if (pairs.units <= most || larger > 0x1p60) return pairs;
   }
 }

@@ -15,8 +15,9 @@ namespace padder::detect::cuda {
 // `parts` at most. A warp takes `warp_units` units one after the other, of parts that lie far from each
 // other: most spheres have only the first of them. Levels too far apart to touch have no unit.
 struct LevelPair {
-  std::uint32_t first_warp, first_unit, first, end;  // spheres `first` to `end` - 1 of the order
-  std::uint32_t group, parts, warp_units, step;      // step: parts / warp_units, rounded up
+  std::uint32_t first_warp, first_unit;
+  std::uint32_t entry, end_entry;                // of the table of bins: where level `from` begins and ends
+  std::uint32_t group, parts, warp_units, step;  // step: parts / warp_units, rounded up
   float parts_at_one;  // parts of a sphere that reaches one bin far; they grow with cubed_within()
   float density;       // spheres of level `at` in a bin
   std::int32_t from, at;
@@ -35,9 +36,10 @@ struct NoLevelPairs {
 
 // Decides who searches whom. Fused: larger units, since the fused search divides nothing but its work by
 // them.
-LevelPairs plan_level_pairs(const Grid& grid, SlotKind kind, bool fused = false);
+LevelPairs plan_level_pairs(const Grid& grid, std::uint64_t spheres, SlotKind kind, bool fused = false);
 
-// The work of a unit: `group` spheres from `first` on, or part number `part` of the rows of sphere `first`.
+// The work of a unit: `group` spheres of level `from` from number `first` on, or part number `part` of the
+// rows of that sphere. There may be units behind the last sphere.
 struct UnitWork {
   std::uint32_t first, part;
 };
@@ -45,8 +47,22 @@ struct UnitWork {
 __host__ __device__ __forceinline__ UnitWork work_of_unit(const LevelPair& d, std::uint32_t warp,
                                                           std::uint32_t nth) {
   const std::uint32_t number = d.step == 1 ? warp : warp / d.step;
-  if (d.parts == 1) return {d.first + number * d.group, 0};
-  return {d.first + number, warp - number * d.step + nth * d.step};
+  if (d.parts == 1) return {number * d.group, 0};
+  return {number, warp - number * d.step + nth * d.step};
+}
+// Where the spheres of level `from` lie in the order, and how many there are.
+struct SpheresOfLevel {
+  std::uint32_t first, count;
+  // Of `most` from number `at` on, those that there are.
+  __device__ __forceinline__ std::uint32_t left(std::uint32_t at, std::uint32_t most) const {
+    return at < count ? min(most, count - at) : 0;
+  }
+};
+__device__ __forceinline__ SpheresOfLevel spheres_of(const OutputTask& task, const LevelPair& d) {
+  // A speculative call may search with the bins of another scene: indices are held within bounds.
+  const std::uint32_t end = min(__ldg(task.spheres.table + d.end_entry), task.spheres.count),
+                      first = min(__ldg(task.spheres.table + d.entry), end);
+  return {first, end - first};
 }
 
 // The third power of a reach in bins of a level, as far as the level goes: where it is thinner than the ball

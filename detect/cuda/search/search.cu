@@ -90,7 +90,7 @@ SearchPlan choose_family(const SearchTask& task, const Grid& grid, int processor
                       ? KernelFamily::few_tiles
                       : KernelFamily::one_level;
   }
-  plan.pairs = plan_level_pairs(grid, spheres.kind, plan.fused());
+  plan.pairs = plan_level_pairs(grid, spheres.count, spheres.kind, plan.fused());
   if (spheres.float_levels) plan.pairs.bins = level_bins(grid, spheres.kind);
   // A spilled contact has 31 bits for its sphere, or for its unit and a sphere of that.
   if (task.stable_order && plan.family == KernelFamily::several_levels &&
@@ -138,7 +138,7 @@ SlotQuota quota_for(const Counters& found, std::uint32_t spheres, const Grid& gr
     return std::exp2((std::floor(steps * std::log2(mean) + 0.5) - 0.5) / steps);
   };
   const std::uint32_t tiles = tiles_of(spheres);
-  const LevelPairs pairs = plan_level_pairs(grid, kind);
+  const LevelPairs pairs = plan_level_pairs(grid, spheres, kind);
   if (tiles + blocks_of_warps(pairs.warps) <= tuning::kMostOrderedTiles) return {};
   SlotQuota quota;
   const double own = static_cast<double>(found.own) / std::max(tiles, 1u),

@@ -69,9 +69,10 @@ __device__ __forceinline__ float volume_of_part(const SearchTask& task, const Gr
                                                 std::uint32_t unit_of_pair, float fine) {
   const Level& l = grid.level[d.at];
   const std::uint32_t warp = d.warp_units == 1 ? unit_of_pair : unit_of_pair / d.warp_units;
-  const auto [first, part] = work_of_unit(d, warp, unit_of_pair - warp * d.warp_units);
-  if (first >= min(d.end, task.spheres.count)) return 0;
-  const Sphere s = sphere_of_slot<Kind>(task, first);
+  const auto [number, part] = work_of_unit(d, warp, unit_of_pair - warp * d.warp_units);
+  const SpheresOfLevel spheres = spheres_of(task, d);
+  if (number >= spheres.count) return 0;
+  const Sphere s = sphere_of_slot<Kind>(task, spheres.first + number);
   const float widest = search_radius(grid, pairs.bins, d.from, d.at, s.r),
               per_size = static_cast<float>(l.per_size);
   const std::uint32_t parts = parts_of(d, l, widest);
@@ -102,9 +103,10 @@ __device__ __forceinline__ float volume_of_groups(const SearchTask& task, const 
   const float unit_of_slot =
                   Kind == SlotKind::fixed_point ? static_cast<float>(1 / grid.level[d.from].units) : 1.f,
               per_size = static_cast<float>(grid.level[d.at].per_size);
-  const std::uint32_t first = d.first + unit_of_pair * d.group, behind = min(d.end, task.spheres.count),
-                      spheres = first < behind ? min((upto - from) * d.group, behind - first) : 0;
-  const auto* const slots = slots_of<Kind>(task) + first;
+  const SpheresOfLevel of_level = spheres_of(task, d);
+  const std::uint32_t number = unit_of_pair * d.group,
+                      spheres = of_level.left(number, (upto - from) * d.group);
+  const auto* const slots = slots_of<Kind>(task) + of_level.first + number;
   constexpr std::uint32_t kAtOnce = 16;
   for (std::uint32_t k0 = lane; k0 - lane < spheres; k0 += 32 * kAtOnce) {
     float r[kAtOnce];

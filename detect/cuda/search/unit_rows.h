@@ -243,10 +243,9 @@ __device__ __forceinline__ void search_rows(const SearchTask& task, const Grid& 
   const LevelPair& d = pair_of_warp(pairs, warp);
   const Level& l = grid.level[d.at];
   const std::uint32_t at = warp - d.first_warp;
-  const auto [first, part] = work_of_unit(d, at, nth);
-  // A speculative call may search with the bins of another scene: indices and radii are held within bounds.
-  const std::uint32_t members =
-      first < task.spheres.count ? min(min(d.group, d.end - first), task.spheres.count - first) : 0;
+  const auto [at_sphere, part] = work_of_unit(d, at, nth);
+  const SpheresOfLevel spheres = spheres_of(task, d);
+  const std::uint32_t members = spheres.left(at_sphere, d.group), first = spheres.first + at_sphere;
   QueryRows<Kind> mine;
   if (lane < members) find_rows<Kind>(task, grid, pairs, d, first + lane, part, mine);
   __syncwarp();

@@ -522,16 +522,52 @@ TEST(Grid, ProbesOfEvenSpheresChangeNothing) {
 TEST(Grid, ProbesAreDifferentSpheres) {
   for (const std::uint64_t n :
        {1ull, 63ull, 64ull, 511ull, 512ull, 5000ull, 65'536ull, 100'000ull, 0xfffffffeull})
-    for (const std::uint32_t drawn : {probes_of(n), targets_of(n)}) {
-      ASSERT_TRUE(drawn <= Neighbourhood::kTargets && drawn <= n);
+    for (const bool probes : {false, true}) {
+      const std::uint32_t drawn = probes ? probes_of(n) : targets_of(n),
+                          most = probes ? Neighbourhood::kProbes : Neighbourhood::kTargets;
+      ASSERT_LE(drawn, most);
+      ASSERT_TRUE(n < 65'536 || drawn > most * 7 / 8) << n;
       std::uint32_t last = 0;
       for (std::uint32_t k = 0; k < drawn; k++) {
-        const std::uint32_t at = drawn_at(k, drawn, n);
+        const std::uint32_t at = drawn_at(k, probes ? part_of_probes(n) : part_of_targets(n));
         ASSERT_LT(at, n);
         ASSERT_TRUE(k == 0 || at > last) << n << ' ' << k;
         last = at;
       }
     }
+}
+
+// The grid of moving spheres seldom changes where some come and go.
+TEST(Grid, AFewSpheresMoreOrLessSeldomChangeIt) {
+  std::mt19937_64 random = random_of_new_seed();
+  for (const double ratio : {1.0, 30.0}) {
+    std::vector<Sphere> spheres(120'000);
+    for (Sphere& p : spheres)
+      p = {100 * unit(random), 100 * unit(random), 100 * unit(random), 0.3 * std::pow(ratio, -unit(random))};
+    int stays = 0, covered = 0;
+    Grid before, wide;
+    for (int call = 0; call < 100; call++) {
+      const std::size_t count = spheres.size() - 20'000 - (random() % 100);
+      const std::vector<Sphere> some(spheres.begin(), spheres.begin() + static_cast<std::ptrdiff_t>(count));
+      Summary s = summary_of(some);
+      if (ratio > 1) s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return some[k]; });
+      const auto grid_of = [&](GridBounds bounds) {
+        return choose_grid(s, 0, 8, CrossSearch::coarse_to_fine, bounds);
+      };
+      const Grid now = grid_of(GridBounds::stepped);
+      stays += call > 0 && now == before;
+      before = now;
+      if (call == 0) wide = grid_of(GridBounds::wide);
+      covered += covers(wide, s);
+      for (const Grid& g : {now, wide}) {
+        std::uint64_t most = 0;
+        for (int k = 0; k < g.levels; k++) most += g.level[k].spheres;
+        EXPECT_TRUE(most >= count && most <= count + count / 8) << most << " for " << count;
+      }
+    }
+    EXPECT_GE(stays, 80) << ratio;
+    EXPECT_EQ(covered, 100) << ratio;
+  }
 }
 
 // Radii over more octaves than there can be levels: octaves of few spheres share one, but the few largest

@@ -67,22 +67,26 @@ TEST(CudaSlotEstimate, EachPartOfTheRowsIsSearchedOnce) {
       // Few buckets: spheres that reach far into the level cannot search it.
       if (k == 0 && scene % 5 == 0) l.hashed = 1, l.ring = 1 << 20, l.side = 12;
     }
-    std::uint64_t first[kMaxLevels] = {};
-    for (int k = 1; k < grid.levels; k++) first[k] = first[k - 1] + grid.level[k - 1].spheres;
-    const LevelPairs pairs = plan_level_pairs(grid, SlotKind::unequal, scene % 3 == 0);
+    std::uint64_t all = 0;
+    for (int k = 0; k < grid.levels; k++) {
+      Level& l = grid.level[k];
+      l.offset = grid.buckets, l.buckets = 100, grid.buckets += l.buckets, all += l.spheres;
+    }
+    const LevelPairs pairs = plan_level_pairs(grid, all, SlotKind::unequal, scene % 3 == 0);
     ASSERT_EQ(pairs.count, static_cast<std::uint32_t>(grid.levels * (grid.levels - 1) / 2));
     for (std::uint32_t p = 0; p < pairs.count; p++) {
       const LevelPair& d = pairs.pair[p];
-      ASSERT_EQ(d.first, first[d.from]);
-      ASSERT_EQ(d.end, first[d.from] + grid.level[d.from].spheres);
+      const Level& from = grid.level[d.from];
+      ASSERT_EQ(d.entry, from.offset);
+      ASSERT_EQ(d.end_entry, from.offset + from.buckets);
       const std::uint32_t units =
           (p + 1 < pairs.count ? pairs.pair[p + 1].first_unit : pairs.units) - d.first_unit;
-      std::vector<std::uint8_t> searched(static_cast<std::size_t>(d.end - d.first) * d.parts);
+      std::vector<std::uint8_t> searched(from.spheres * d.parts);
       for (std::uint32_t unit = 0; unit < units; unit++) {
         const UnitWork w = work_of_unit(d, unit / d.warp_units, unit % d.warp_units);
         if (w.part >= d.parts) continue;  // more than the largest sphere has
-        for (std::uint32_t k = w.first; k < std::min(w.first + d.group, d.end); k++)
-          searched[static_cast<std::size_t>(k - d.first) * d.parts + w.part]++;
+        for (std::uint64_t k = w.first; k < std::min<std::uint64_t>(w.first + d.group, from.spheres); k++)
+          searched[k * d.parts + w.part]++;
       }
       for (const std::uint8_t n : searched) ASSERT_EQ(n, 1) << "scene " << scene << " pair " << p;
       (d.warp_units > 1 ? one_after_the_other : d.parts > 1 ? in_parts : in_groups)++;
@@ -111,7 +115,7 @@ TEST(CudaSlotEstimate, LevelsThatLieApartHaveNoUnits) {
       for (int c = 0; c < 3; c++)
         l.first[c] = static_cast<int>(below(60)) - 30, l.count[c] = 1 + static_cast<std::uint32_t>(below(20));
     }
-    const LevelPairs pairs = plan_level_pairs(grid, SlotKind::unequal, scene % 2 == 0);
+    const LevelPairs pairs = plan_level_pairs(grid, 2000, SlotKind::unequal, scene % 2 == 0);
     ASSERT_EQ(pairs.count, 1u);
     double farthest = -1e9;  // of the gaps between the bounds along an axis
     for (int c = 0; c < 3; c++) {
@@ -148,7 +152,7 @@ TEST(CudaSlotEstimate, RowsAreDividedByWhatEachSphereReaches) {
     coarse.first[0] = -1;
     for (auto& side : coarse.count) side = 2;
     for (const bool fused : {false, true}) {
-      const LevelPair d = plan_level_pairs(grid, SlotKind::unequal, fused).pair[0];
+      const LevelPair d = plan_level_pairs(grid, 1'000'006, SlotKind::unequal, fused).pair[0];
       ASSERT_EQ(d.from, 1);
       for (const double radius : {20.0, 50.0, giant}) {
         // The spheres of a ball of this radius, one in a bin, and those that a part should find.

@@ -177,6 +177,33 @@ TEST_F(CudaTest, WhatWasDetectedBeforeDoesNotMatter) {
 }
 
 // So does one whose doubles travel, of which floats are made relative to an origin near the scene.
+// The same where some come and go between calls: buckets then have the room that others needed.
+TEST_F(CudaTest, SpheresThatComeAndGoDoNotMatter) {
+  for (const char* name : {"dense", "poly100"}) {
+    const auto spheres = generate(name, 400'000);
+    for (const Order order : {Order::stable, Order::any}) {
+      gpu_.order = order;
+      Detector d({BackendKind::cuda}, gpu_);
+      SomeCases some;
+      for (const std::size_t less :
+           {0, 0, 1, 400, 2, 2, 390, 12'000, 11'900, 36'000, 0, 48'000, 100, 0, 90'000, 89'000, 89'000}) {
+        Input in = input_of(spheres);
+        in.spheres.count -= less;
+        const Contacts& c = d.detect(in);
+        if (some.left_out()) continue;
+        Detector fresh({BackendKind::cuda}, gpu_);
+        const Contacts& wanted = fresh.detect(in);
+        ASSERT_EQ(c.count, wanted.count) << name << ", " << less << " fewer";
+        ASSERT_EQ(d.hash(), fresh.hash()) << name << ", " << less << " fewer";
+        if (order == Order::stable) {
+          ASSERT_TRUE(std::equal(c.pairs, c.pairs + c.count, wanted.pairs))
+              << name << ", " << less << " fewer";
+        }
+      }
+    }
+  }
+}
+
 TEST_F(CudaTest, DoublesThatTravelDoNotMatter) {
   for (const char* name : {"dense", "poly100"})
     for (const double from : {-20.0, 1e7}) {
