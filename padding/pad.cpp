@@ -12,6 +12,7 @@
 #include "padding/by_depth/refit.h"
 #include "padding/by_tolerance/lower_bound.h"
 #include "padding/by_tolerance/thin_balls.h"
+#include "padding/geometry/medial.h"
 #include "padding/geometry/unit_frame.h"
 #include "padding/meshing/pieces.h"
 #include "padding/verify/accuracy.h"
@@ -47,27 +48,49 @@ struct RungSpheres {
   WhyOpen open = WhyOpen::nothing;
 };
 
-// On a flat, no ball inside of the body covers more than a disc of the radius sqrt(4 r gap), with the largest
-// r that the body's box has room for. So a tiny depth ratio needs spheres without end.
-void check_feasible(const PadOptions& options, const Surface& surface,
+// The radius of the middle one of some hundred medial balls below the surface, which is close to `remeshed`.
+double middle_medial_radius(const Surface& surface, const Mesh& remeshed, double tolerance) {
+  constexpr std::size_t places = 500;
+  const std::size_t stride = 1 + remeshed.triangles.size() / places;
+  std::vector<double> radii;
+  for (std::size_t t = 0; t < remeshed.triangles.size(); t += stride) {
+    const Vector normal = remeshed.area_normal(t).normalized();
+    const Point p = surface.nearest(remeshed.middle(t)).point;
+    radii.push_back(inner_medial_ball(surface, p, normal, surface.bounds().diagonal(), tolerance).radius);
+  }
+  const auto middle = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
+  std::nth_element(radii.begin(), middle, radii.end());
+  return *middle;
+}
+
+// On a flat, a ball covers a disc of the radius sqrt(4 r gap) with the radius r of its medial ball. So a tiny
+// depth ratio needs spheres without end: two to four times as many as these discs were needed for parts of
+// machines, because edges need more.
+void check_feasible(const PadOptions& options, const Surface& surface, const Mesh& remeshed,
                     const std::vector<FittedBall>& fitted) {
   if (!surface.closed() || options.force) return;
   double gap = 0;
   for (const FittedBall& f : fitted) gap = std::max(gap, f.cap);
-  const double largest = 0.5 * (surface.bounds().high - surface.bounds().low).minCoeff() + gap;
-  const double needed = surface.mesh().area() / (4 * std::numbers::pi * largest * gap);
   constexpr double million = 1e6, times_as_many = 4;
-  if (needed > std::max(million, times_as_many * static_cast<double>(fitted.size())))
+  const double most = std::max(million, times_as_many * static_cast<double>(fitted.size()));
+  const auto needed = [&](double r) { return surface.mesh().area() / (4 * std::numbers::pi * r * gap); };
+  if (needed(gap) <= most) return;
+  if (const double n = needed(middle_medial_radius(surface, remeshed, 0.25 * gap) + gap); n > most)
     throw Error(
         "a depth ratio of " + short_number(options.depth_ratio_used(), 3) + " would need more than " +
-        short_number(needed / million, 2) +
+        short_number(n / million, 2) +
         " million spheres: use a larger --depth, or --tolerance; --force (force=True in Python) tries it");
 }
 
 RungSpheres by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
                      PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
   // Folded walls have much surface in a small box: whoever waits is told how much work that is.
-  step(("remesh to about " + count_of(expected_triangles(body.mesh, length), "triangle")).c_str(), 1);
+  const std::uint64_t expected = expected_triangles(body.mesh, length);
+  constexpr std::uint64_t most = 100'000'000;  // an hour of remeshing
+  if (expected > most && !options.force)
+    throw Error("edges of this length would make about " + count_of(expected, "triangle") +
+                ": use a larger --edge-length, or --tolerance; --force (force=True in Python) tries it");
+  step(("remesh to about " + count_of(expected, "triangle")).c_str(), 1);
   RemeshOptions remeshing;
   remeshing.edge_length = length;
   remeshing.sharp_angle = body.kind == BodyKind::wrap ? 180 : options.sharp_angle;
@@ -83,7 +106,7 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
   step("fit", 2);
   std::vector<FittedBall> fitted = fit(remeshed.mesh, options.depth_ratio_used(), length);
   report.seconds.fit = clock.lap();
-  check_feasible(options, surface, fitted);
+  check_feasible(options, surface, remeshed.mesh, fitted);
 
   step("refit", 3);
   const auto tell = [&](std::size_t open) {

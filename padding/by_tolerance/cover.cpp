@@ -29,6 +29,9 @@ constexpr double kGreedyMargin = 0.3;
 
 constexpr int kMovePlaces = 16;  // tried around each ball
 constexpr int kMergeMoves = 2;
+// On a rough surface, a search whose last stage begins with four times the balls may still come down to the
+// number that is asked for, but with eight times as many none did.
+constexpr std::uint64_t kTooMany = 8;
 // What a searched round of close_gaps() does: share of the stage's steps, and places tried around each ball.
 constexpr double kClosingShare = 0.5;
 constexpr int kClosingPlaces = 4;
@@ -45,6 +48,7 @@ class CoverSearch {
         limits_(limits_of(surface, options)),
         grower_(surface, limits_),
         effort_(std::clamp(options.effort, 0, 3)),
+        most_balls_(options.most_balls),
         watch_(options.tell, steps_of(effort_)) {
     if (mesh_.triangles.empty()) throw Error("there is no surface to cover: the mesh has no triangles");
     if (!(limits_.tolerance_sum > 0)) throw Error("a cover needs a tolerance above 0");
@@ -69,6 +73,8 @@ class CoverSearch {
       const Stage& stage = kStages[static_cast<std::size_t>(k)];
       const std::uint64_t seed = static_cast<std::uint64_t>(k + 1) << 56;
       Attempt next = merge(samples, search_side_by_side(common, best, stage, seed), best, stage, seed);
+      if (k + 1 == effort_ && std::min(next.chosen.size(), best.chosen.size()) / kTooMany > most_balls_)
+        return finish(next, {WhyOpen::unfinished, mesh_.middle(0)});
       centre(next, grower_, std::vector<char>(next.chosen.size(), 1));
       const OpenSpot next_open =
           close_gaps(next, grower_, kClosingShare * stage.steps, kClosingPlaces, watch_, nullptr);
@@ -210,6 +216,7 @@ class CoverSearch {
   const BallLimits limits_;
   const BallGrower grower_;
   const int effort_;
+  const std::uint64_t most_balls_;
   mutable Watch watch_;
 };
 

@@ -26,6 +26,7 @@ constexpr double kLargestRatio = 0.9;  // of a tolerance sum that is tried to be
 // No step to a smaller sum goes below this share: a cover of a sheet has ten times as many balls for it. A
 // long step that is in vain is no chance.
 constexpr double kSmallestRatio = 0.3, kLongStep = 0.6;
+constexpr std::uint64_t kAnyCount = std::numeric_limits<std::uint64_t>::max();
 // Half of what is promised. The other half is for errors of the estimate.
 constexpr double kVolumeGoal = 0.005;
 
@@ -103,10 +104,13 @@ class CullSearch {
     return culled;
   }
 
-  // Makes cover_ the cover for this tolerance sum, unless it is so already.
-  void cover(double tolerance_sum) {
+  // Makes cover_ the cover for this tolerance sum, unless it is so already. One of many more balls than
+  // `most_balls` may be unfinished.
+  void cover(double tolerance_sum, std::uint64_t most_balls = kAnyCount) {
     if (tolerance_sum == tolerance_sum_) return;
-    cover_ = cover_surface(surface_, cover_options(0.5 * tolerance_sum, 0.5 * tolerance_sum));
+    CoverOptions options = cover_options(0.5 * tolerance_sum, 0.5 * tolerance_sum);
+    options.most_balls = most_balls;
+    cover_ = cover_surface(surface_, options);
     tolerance_sum_ = tolerance_sum;
   }
 
@@ -153,7 +157,8 @@ class CullSearch {
       return std::max(least, 2 * kLargestError * diagonal_ * std::pow(kStride, double(rung) / kRungs));
     };
     const auto enough = [&](int rung) {
-      cover(sum_of(rung));
+      // With a smallest radius, what stays open is asked for.
+      cover(sum_of(rung), options_.min_radius > 0 ? kAnyCount : count);
       // Few balls are no answer where a smallest radius leaves surface open: smaller sums only leave more.
       const bool in_vain = cover_.open.why == WhyOpen::min_radius && !(options_.tolerance > 0);
       if (cover_.balls.size() > count || in_vain) return false;

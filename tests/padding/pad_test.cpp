@@ -188,6 +188,9 @@ TEST(Pad, ASheetIsSaidToBeOne) {
 
 // Caps that are so flat would cover a box by tens of millions of spheres.
 TEST(Pad, ADepthRatioThatWouldNeverEndIsRefused) {
+  // Few balls as large as its box would do, but a thin wall around a hollow has no room for them.
+  const Mesh hollow = joined(kCube, shapes::turned_over(shapes::box({.01, .01, .01}, {.99, .99, .99})));
+  expect_refused(hollow, {.depth_ratio = 1e-4}, "a depth ratio of 0.0001 would need more than");
   try {
     pad(as_file(kCube), {.depth_ratio = 1e-6});
     FAIL() << "it came to an end";
@@ -196,6 +199,10 @@ TEST(Pad, ADepthRatioThatWouldNeverEndIsRefused) {
     EXPECT_TRUE(holds(e.what(), "use a larger --depth, or --tolerance")) << e.what();
   }
   EXPECT_GT(pad(as_file(shapes::square(1, 2)), {.depth_ratio = 1e-6}).cluster.size(), 0u) << "a flat sheet";
+}
+
+TEST(Pad, EdgesThatWouldMakeHundredsOfMillionsOfTrianglesAreRefused) {
+  expect_refused(kCube, {.edge_length = Length::of(1e-4)}, " triangles: use a larger --edge-length");
 }
 
 Padded by_tolerance(const Mesh& mesh, double share, PadOptions options = {}) {

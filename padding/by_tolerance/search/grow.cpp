@@ -32,6 +32,14 @@ Ball BallGrower::medial(const Point& p, std::uint32_t triangle, double guess, co
   return allows(ball) ? ball : ball_beside(p, triangle).value_or(ball);
 }
 
+// Is the medial ball of q certainly smaller than the smallest that may be chosen? An empty ball at least as
+// large would hold this one, which also touches q. One query tells where the search for the ball takes ten.
+bool BallGrower::too_narrow(const Point& q, const Vector& normal, double tolerance) const {
+  if (surface_.hull() || surface_.half_thickness() > 0) return false;  // there the ball may lie elsewhere
+  const double least = limits_.min_radius - limits_.protrusion;
+  return surface_.any_within(q - least * normal, (1 - 1e-9) * (least - 2 * tolerance));
+}
+
 // The ball that touches another surface point q covers p if q is within the tolerance sum of p:
 // |p - c| <= |p - q| + |q - c|, and |q - c| is the radius of the inner ball. Within a face there is such a
 // ball, and on the whole it is the larger, the farther q is from p. So far points are tried first. The
@@ -58,6 +66,7 @@ std::optional<Ball> BallGrower::ball_beside(const Point& p, std::uint32_t triang
       const double miss = medial_tolerance * (q.point - p).norm();
       if (!(miss > 0)) continue;
       const Vector normal = surface_.mesh().area_normal(q.triangle).normalized();
+      if (too_narrow(q.point, normal, miss)) continue;
       const Ball ball = inner_medial_ball(surface_, q.point, normal, limits_.largest_inner_distance, miss);
       if (allows(ball) && (p - ball.center).norm() <= ball.radius + (1 - kept_back) * sum) return ball;
     }

@@ -46,6 +46,7 @@ class BallGrower {
   const BallLimits& limits() const { return limits_; }
 
  private:
+  bool too_narrow(const Point& q, const Vector& normal, double tolerance) const;
   std::optional<Ball> ball_beside(const Point& p, std::uint32_t triangle) const;
   // May this inner ball be chosen, dilated?
   bool allows(const Ball& inner) const {

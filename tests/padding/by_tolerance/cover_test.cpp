@@ -180,6 +180,23 @@ TEST(Cover, SearchBeatsGreedy) {
   EXPECT_LT(count(1), 0.9 * count(0));
 }
 
+// A search for a count needs to know no more than that there are too many balls.
+TEST(Cover, OneOfFarTooManyBallsIsLeftUnfinished) {
+  const Surface surface(unit(shapes::torus(1, 0.3, 60, 20)));
+  CoverOptions options{.protrusion = 0.01, .gap = 0.01};
+  const Cover whole = cover_surface(surface, options);
+  EXPECT_TRUE(whole.proved);
+  options.most_balls = whole.balls.size() / 4;
+  const Cover same = cover_surface(surface, options);
+  EXPECT_TRUE(same.proved);
+  EXPECT_EQ(same.balls.size(), whole.balls.size());
+  options.most_balls = whole.balls.size() / 20;
+  const Cover unfinished = cover_surface(surface, options);
+  EXPECT_FALSE(unfinished.proved);
+  EXPECT_EQ(unfinished.open.why, WhyOpen::unfinished);
+  EXPECT_GT(unfinished.balls.size(), options.most_balls);
+}
+
 TEST(Cover, RadiusLimitsAreKept) {
   const Surface surface(unit(shapes::box({0, 0, 0}, {1, 0.6, 0.3})));
   const Cover small = cover_surface(surface, {.protrusion = 0.02, .gap = 0.02, .max_radius = 0.05});
