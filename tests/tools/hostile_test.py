@@ -175,6 +175,8 @@ class HostileTest(unittest.TestCase):
                 "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.1}, "grains": [{"count": 300, "radius": 0.01, "low": low, "high": high}]})
         self.refused({"wide.json": silo([-0.1, -0.1, 0], [0.1, 1e9, 3]), "wider.json": silo([-1e300, -1e300, 0], [1e300, 1e300, 1e300]),
                       "flat.json": silo([0, 0, 0], [0, 1e9, 1e9])}, "settle", "--steps", "1", "-o", "a.npz")
+        self.put("many.json", silo([-1, -1, 0], [1, 1, 1e9]).replace('"count": 300', '"count": 4000000000').replace("0.01", "1e-9"))
+        self.sentence("settle", "many.json", "--steps", "1", says="grains 0, count: so many grains take more memory than this machine has")
 
     def test_archives_that_unpack_to_gigabytes(self):
         def archive(name, part, size, **more):
@@ -292,6 +294,10 @@ class HostileTest(unittest.TestCase):
             self.assertEqual((self.folder / ("a" + ending)).read_text(), "old")
             (self.folder / ("a" + ending)).unlink()
             self.assertEqual(self.files(), {"cube.obj"})
+        for words in (["new/folder/"], ["new/a.spheres.json"], ["new/a.vtp"]):
+            self.sentence("pad", "cube.obj", "-o", *words, "--tolerance", "2%", "--effort", "0",
+                          limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1200, 1200)))
+            self.assertEqual(os.listdir(self.folder), ["cube.obj"], "no empty folder stays")
 
     @unittest.skipIf(SANITIZERS, "a sanitizer needs terabytes of addresses")
     def test_a_limit_of_memory_leaves_a_sentence_or_an_asset(self):
