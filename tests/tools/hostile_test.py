@@ -351,6 +351,26 @@ class HostileTest(unittest.TestCase):
             done = subprocess.run([BIN / "pad", "cube.obj", "--json", *QUICK], cwd=self.folder, stdout=full, stderr=subprocess.PIPE)
         self.assertEqual((done.returncode, done.stderr.count(b"\n")), (1, 1))
 
+    def test_a_bench_that_is_ended_leaves_no_process(self):
+        if not (BIN / "bench").exists():
+            self.skipTest("bench is not built")
+        bench = subprocess.Popen([BIN / "bench", "hard", "--scene", "million", "-q"], stdout=subprocess.DEVNULL)
+        children, patience = [], time.monotonic() + 60
+        while not children and time.monotonic() < patience:
+            children = pathlib.Path(f"/proc/{bench.pid}/task/{bench.pid}/children").read_text().split()
+        bench.terminate()
+        self.assertEqual((bench.wait(), len(children)), (128 + signal.SIGTERM, 1))
+
+        def runs(child):
+            try:
+                return pathlib.Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+            except OSError:
+                return False
+        patience = time.monotonic() + 3  # the mesh takes longer
+        while runs(children[0]) and time.monotonic() < patience:
+            time.sleep(0.01)
+        self.assertFalse(runs(children[0]))
+
     def test_standard_streams_that_are_closed(self):
         self.put("list", "cube.obj\n")
         for words in (["cube.obj"], ["--manifest", "list", "-o", "out"], ["cube.obj", "-o", "-"]):
