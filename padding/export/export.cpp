@@ -11,6 +11,7 @@
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
+#include "padding/export/new_folders.h"
 #include "padding/export/writers.h"
 
 namespace padder {
@@ -175,28 +176,6 @@ void check_filters(const Model& model, const Format& format) {
                 " families that " + format.program + " has for them");
 }
 
-// The folders that a file is in, made where they are missing. Those are removed again, if they are still
-// empty and the writing failed.
-class Folders {
- public:
-  Folders() = default;
-  Folders(const Folders&) = delete;
-  Folders& operator=(const Folders&) = delete;
-  ~Folders() {
-    std::error_code code;  // one that is not empty stays
-    for (auto folder = made_.rbegin(); folder != made_.rend(); ++folder) fs::remove(*folder, code);
-  }
-  void make(const fs::path& folder) {
-    std::error_code code;  // if this fails, the writer names the reason
-    if (folder.empty() || fs::exists(folder, code)) return;
-    make(folder.parent_path());
-    if (fs::create_directory(folder, code)) made_.push_back(folder);
-  }
-
- private:
-  std::vector<fs::path> made_;
-};
-
 std::vector<std::string> write_model(const Model& model, const fs::path& path, const Format& format,
                                      const ExportOptions& options) {
   check(model, format, path.string());
@@ -213,7 +192,7 @@ std::vector<std::string> write_model(const Model& model, const fs::path& path, c
     return std::string_view(e.format.name) == format.name;
   });
   if (entry == kEntries.end()) throw Error("no format is called \"" + std::string(format.name) + "\"");
-  Folders folders;                 // outlive the writers, which remove what is half-written
+  NewFolders folders;              // outlive the writers, which remove what is half-written
   std::deque<FileWriter> writers;  // all are written before the first is put in its place
   for (const auto& [name, bytes] : entry->write(job)) {
     fs::path file = path;

@@ -64,7 +64,8 @@ Touching ball_below(const Surface& surface, const Point& p, const Vector& normal
   const Point c = p - r * normal;
   const Nearest at = signed_nearest(c, touched);
   if (outside(at)) return on_sheet();
-  const double radius = at.inside ? -at.distance : 0;
+  // In a hull p may lie far inside, and the ball around c with it.
+  const double radius = at.inside ? std::min(-at.distance, largest) : 0;
   if (!(r <= radius + tolerance)) return {{p, 0}, p};
   return {{c, radius}, at.point};
 }

@@ -53,8 +53,11 @@ class MjcfReader {
         for (const char* end : {"geom1", "geom2"}) paired_.insert(pair.attribute(end).as_string());
     for (const xml_node& world : file_.root().children("worldbody")) add_names(world);
     add_link("world", -1, Eigen::Isometry3d::Identity());
-    for (const xml_node& world : file_.root().children("worldbody"))
+    for (const xml_node& world : file_.root().children("worldbody")) {
+      for (const char* joint : {"joint", "freejoint"})
+        if (world.child(joint)) file_.fail(world.child(joint), "the world has no joints: put it into a body");
       add_children(world, 0, Eigen::Isometry3d::Identity(), "");
+    }
     take_geoms();
     for (const xml_node& section : file_.root().children("deformable"))
       for (const xml_node& child : section.children()) soft_ += std::string_view(child.name()) == "flex";
@@ -182,6 +185,11 @@ class MjcfReader {
                   joint_names_);
       joints.push_back(joint_of(child, e, called, free));
       const bool moves = joints.back().type == Joint::Type::floating;
+      if (moves && parent != 0)
+        file_.fail(child, "a body that moves freely stands in the world: take it out of " +
+                              excerpt(robot_.links[parent].name));
+      if (joints.size() > 1 && (moves || joints[0].type == Joint::Type::floating))
+        file_.fail(child, "a body that moves freely has no other joint: leave one");
       anchors.push_back(moves ? Vector(Vector::Zero()) : file_.vector(e, "pos", Vector::Zero()));
     }
     Vector at = Vector::Zero();  // where the chain stands, in the body's frame
@@ -219,7 +227,13 @@ class MjcfReader {
     joint.damping = file_.numbers(e, "damping", 1, 3, {0})[0];
     joint.friction = file_.number(e, "frictionloss", 0);
     const auto range = file_.numbers(e, "range", 2, 2, {0, 0});
-    const bool limits = e.text("limited", "auto") != "false" && range[0] < range[1];
+    const std::string limited = e.text("limited", "auto");
+    if (limited != "auto" && limited != "true" && limited != "false")
+      file_.fail(node, "limited is true, false or auto, not \"" + excerpt(limited) + '"');
+    const bool limits = limited == "true" || (limited == "auto" && (range[0] != 0 || range[1] != 0));
+    if (limits && !(range[0] < range[1] && (!ball || range[0] == 0)))
+      file_.fail(node, ball ? "the range of a ball is 0 and an angle above 0"
+                            : "its range wants the lower end first, as \"-1 1\"");
     if (limits) joint.lower = unit * range[0], joint.upper = unit * range[1];
     if (ball) return joint;
     const Vector axis = file_.vector(e, "axis", Vector::UnitZ());
@@ -360,6 +374,8 @@ class MjcfReader {
     const auto range = importing::numbers_in(file_.compiler("inertiagrouprange", "0 5"));
     const double group = file_.number(e, "group", 0), density = file_.number(e, "density", 1000);
     const double mass = file_.number(e, "mass", -1);  // below 0: none is stated
+    if (density < 0 || (e.attribute("mass") && mass < 0))
+      file_.fail(e.levels[0], "its mass or density is below 0");
     const bool counts = !range || range->size() != 2 || (group >= (*range)[0] && group <= (*range)[1]);
     if (!counts || mass == 0 || (mass < 0 && density == 0)) return {};
     const double stated = mass < 0 && e.attribute("density") ? density : 0;

@@ -161,8 +161,12 @@ Eigen::Quaterniond MjcfFile::orientation(const MjcfElement& e) const {
     if (!another) continue;
     if (turns.find(' ') != std::string::npos) fail(level, "it has " + turns + ": leave one, as MuJoCo wants");
     const MjcfElement own{{level}};
+    const auto direction = [&](const Vector& along) -> Vector {
+      if (!(along.norm() > 0)) fail(level, "its " + turns + " has a direction without length");
+      return along.normalized();
+    };
     if (const auto a = numbers(own, "axisangle", 4, 4); !a.empty())
-      return Eigen::Quaterniond(Eigen::AngleAxisd(a[3] * angle_, Vector(a[0], a[1], a[2]).normalized()));
+      return Eigen::Quaterniond(Eigen::AngleAxisd(a[3] * angle_, direction({a[0], a[1], a[2]})));
     if (const auto a = numbers(own, "euler", 3, 3); !a.empty()) {
       Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
       for (std::size_t k = 0; k < 3; k++) {
@@ -174,13 +178,14 @@ Eigen::Quaterniond MjcfFile::orientation(const MjcfElement& e) const {
       return turn;
     }
     if (const auto a = numbers(own, "xyaxes", 6, 6); !a.empty()) {
-      const Vector x = Vector(a[0], a[1], a[2]).normalized();
-      const Vector y = (Vector(a[3], a[4], a[5]) - x.dot(Vector(a[3], a[4], a[5])) * x).normalized();
+      const Vector x = direction({a[0], a[1], a[2]}), along(a[3], a[4], a[5]);
+      const Vector y = direction(along - x.dot(along) * x);
       Eigen::Matrix3d axes;
       axes << x, y, x.cross(y);
       return Eigen::Quaterniond(axes);
     }
-    return Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(), vector(own, "zaxis", Vector::UnitZ()));
+    return Eigen::Quaterniond::FromTwoVectors(Vector::UnitZ(),
+                                              direction(vector(own, "zaxis", Vector::UnitZ())));
   }
   const auto q = numbers(e, "quat", 4, 4, {1, 0, 0, 0});
   const Eigen::Quaterniond turn(q[0], q[1], q[2], q[3]);

@@ -508,6 +508,17 @@ TEST(Pad, EachFigureSaysWhatItWasProvedAgainst) {
   }
 }
 
+// The wall inside of a wrap has room on both sides, more than the ball that touches it.
+TEST(Pad, NoSphereInAWrapIsLargerThanAsked) {
+  const Mesh hollow = joined(shapes::box({0, 0, 0}, {1, 1, 1}),
+                             shapes::turned_over(shapes::box({0.2, 0.2, 0.2}, {0.8, 0.8, 0.8})));
+  PadOptions options{.effort = 0, .repair = RepairMode::wrap};
+  options.max_radius = Length::share(0.05);
+  const Padded p = by_tolerance(hollow, 0.1, options);
+  EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+  EXPECT_LE(*std::ranges::max_element(p.cluster.radii), 0.05 * std::sqrt(3));
+}
+
 // Spheres may close a slit that is narrower than twice the tolerance: they stand out of its walls by no more.
 // A wider one must stay open, unless --reach says that no grain enters it.
 TEST(Pad, AWrapKeepsTheToleranceAgainstTheInput) {

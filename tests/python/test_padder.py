@@ -507,11 +507,11 @@ def test_numbers_out_of_range_are_value_errors():
     for options in ({"margin": -1}, {"margin": float("nan")}, {"margin": 1e200}, {"device": 2**31}, {"device": 5, "backend": "omp"}):
         with pytest.raises(ValueError):
             padder.detect(centers, radii, **options)
-    for threads in (-1, 1025):
-        with pytest.raises(ValueError, match="give a whole number from 0 to 1024"):
+    for threads in (-1, 1025, 10**5000):
+        with pytest.raises(ValueError, match="^threads must be a whole number from 0 to 1024$"):
             padder.detect(centers, radii, threads=threads)
-    with pytest.raises(TypeError):
-        padder.detect(centers, radii, threads="2")
+    with pytest.raises(ValueError, match="^margin is beyond what a float holds$"):
+        padder.detect(centers, radii, margin=10**400)
     cluster = padder.pad(CUBE, FACES, tolerance="20%")
     for call in (lambda: setattr(cluster, "family", 2**32), lambda: setattr(cluster, "unit", "km"),
                  lambda: padder.detect(centers + 1e200, radii), lambda: padder.detect(centers, radii * 1e200),
@@ -521,6 +521,28 @@ def test_numbers_out_of_range_are_value_errors():
             call()
     cluster.family, cluster.mask, cluster.unit = np.uint32(7), 2**32 - 1, "mm"
     assert (cluster.family, cluster.mask, cluster.unit) == (7, 2**32 - 1, "mm")
+
+
+def test_arguments_of_another_type_are_named():
+    centers, radii = np.zeros((2, 3)), np.ones(2)
+    cluster = padder.pad(CUBE, FACES, tolerance="20%")
+    bodies = padder.Bodies([cluster], np.zeros((0, 12)))
+    for said, call in (("threads must be a whole number, not str", lambda: padder.detect(centers, radii, threads="2")),
+                       ("threads must be a whole number, not float", lambda: padder.Detector(threads=2.0)),
+                       ("margin must be a number, not str", lambda: padder.detect(centers, radii, margin="1")),
+                       ("margin must be a number, not NoneType", lambda: padder.Detector().worlds(1, "any", centers, radii, margin=None)),
+                       ("width must be text, not int", lambda: padder.detect(centers, radii, width=3)),
+                       ("count must be a whole number, not float", lambda: padder.worlds(1.5, centers=centers, radii=radii)),
+                       ("smallest must be a number, not str", lambda: bodies.with_lod("auto", smallest="1")),
+                       ("sharp_angle must be a number, not str", lambda: padder.pad(CUBE, FACES, sharp_angle="x")),
+                       ("repair must be text, not NoneType", lambda: padder.pad(CUBE, FACES, repair=None)),
+                       ("density must be a number, not str", lambda: cluster.save("a.xml", density="1")),
+                       ("name must be text, not int", lambda: setattr(cluster, "name", 3))):
+        with pytest.raises(TypeError, match=f"^{said}$"):
+            call()
+    with pytest.raises(ValueError, match="^name must be text that UTF-8 can hold$"):
+        cluster.name = "\udc80"
+    assert len(padder.detect(centers, radii, margin=np.float32(1), threads=np.int8(1), width="pairs")) == 1
 
 
 def test_a_cluster_as_a_page():

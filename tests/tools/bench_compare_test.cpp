@@ -133,6 +133,9 @@ TEST_F(BenchCompare, WhatCannotBeComparedEndsWithOneSentence) {
        "bad.json: rows[0].seconds_fast is not a number of at least 0"},
       {changed(whole, "/rows/0/seconds_fast", 0), "bad.json: rows[0]: seconds_fast is 0"},
       {changed(whole, "/rows/0/random_order", 1), "bad.json: rows[0].random_order is not true or false"},
+      {R"({"bench": "scaling", "rows": [1e999]})", "bad.json, rows: the number '1e999'"},
+      {R"({"machine": )" + std::string(300000, '[') + std::string(300000, ']') + "}",
+       "bad.json, machine 0 0"},
   };
   for (const auto& [bytes, sentence] : cases) {
     write("bad.json", bytes);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What bench says of options and files that are wrong, or that the chosen bench does not read.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include "tests/error_of.h"
 #include "tests/tools/bench_program.h"
 
 namespace padder {
@@ -43,6 +45,40 @@ TEST_F(BenchUsage, WhatTheBenchDoesNotReadIsRefused) {
   EXPECT_EQ(refused(stages + "part.stl"), "stages reads no file: leave part.stl out");
   EXPECT_EQ(refused("compare a.json b.json --spheres 5").substr(0, 18), "--spheres is for t");
   EXPECT_EQ(bench(stages + "--json").code, 0);
+}
+
+TEST_F(BenchUsage, ASizeThatIsAskedForIsMeasured) {
+  const Outcome r = bench("bodies --spheres 10 --backend omp --repeat 1 --threads 1 --json");
+  ASSERT_EQ(r.code, 0) << r.err;
+  EXPECT_EQ(Json::parse(r.out)["rows"][0]["spheres"], 64) << "one body";
+  expect_refused("piles --scene loose --backend omp -q",
+                 "nothing was measured, because no size of the bench's own is of this scene and backend");
+  if (bench("stages --spheres 1000 --repeat 1 --backend cuda").code == 0) GTEST_SKIP() << "there is a GPU";
+  EXPECT_TRUE(refused("boxes --spheres 1000 --devices 5").starts_with("--devices counts GPUs"));
+  EXPECT_TRUE(refused("boxes --spheres 1000 --scene poly100").starts_with("--scene poly100 is measured on"));
+  for (const char* name : {"table2", "stages", "boxes", "piles"}) {
+    const Outcome absent = bench(std::string(name) + " --backend cuda", "timeout 20");
+    EXPECT_EQ(absent.code, 1);
+    EXPECT_TRUE(absent.err.ends_with("choose omp\n")) << absent.err;
+    EXPECT_EQ(absent.err.find('\n'), absent.err.size() - 1) << "nothing was measured: " << absent.err;
+  }
+}
+
+TEST_F(BenchUsage, WhatIsWrongWithTheLastFileIsSaidFirst) {
+  write("one.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n");
+  expect_refused("frontier one.off absent.off", "cannot open absent.off");
+  EXPECT_TRUE(refused("frontier one.off ./one.off").starts_with("./one.off has the name of another mesh"));
+  write("scene.json", R"({"format": "padder.scene", "version": 1})");
+  expect_refused("piles scene.json", "scene.json: not a cluster");
+}
+
+TEST_F(BenchUsage, WhatWasMeasuredIsPrintedThoughItCannotBeWritten) {
+  const Outcome r = bench("stages --spheres 1000 --repeat 1 --backend omp --threads 1 -o /proc/none");
+  EXPECT_EQ(r.code, 1);
+  EXPECT_TRUE(r.err.starts_with("bench: cannot write /proc/none/stages.json")) << r.err;
+  EXPECT_EQ(r.out.empty(), ::geteuid() != 0) << "others than root are refused before the work";
+  write("a file", "");
+  expect_refused("stages -o 'a file/x'", "cannot write a file/x/stages.json (Not a directory)");
 }
 
 TEST_F(BenchUsage, WrongUsageIsNoFailure) {

@@ -175,6 +175,8 @@ class HostileTest(unittest.TestCase):
                 "cylinder": {"point": [0, 0, 0], "axis": [0, 0, 1], "radius": 0.1}, "grains": [{"count": 300, "radius": 0.01, "low": low, "high": high}]})
         self.refused({"wide.json": silo([-0.1, -0.1, 0], [0.1, 1e9, 3]), "wider.json": silo([-1e300, -1e300, 0], [1e300, 1e300, 1e300]),
                       "flat.json": silo([0, 0, 0], [0, 1e9, 1e9])}, "settle", "--steps", "1", "-o", "a.npz")
+        self.put("many.json", silo([-1, -1, 0], [1, 1, 1e9]).replace('"count": 300', '"count": 4000000000').replace("0.01", "1e-9"))
+        self.sentence("settle", "many.json", "--steps", "1", says="grains 0, count: so many grains take more memory than this machine has")
 
     def test_archives_that_unpack_to_gigabytes(self):
         def archive(name, part, size, **more):
@@ -292,6 +294,10 @@ class HostileTest(unittest.TestCase):
             self.assertEqual((self.folder / ("a" + ending)).read_text(), "old")
             (self.folder / ("a" + ending)).unlink()
             self.assertEqual(self.files(), {"cube.obj"})
+        for words in (["new/folder/"], ["new/a.spheres.json"], ["new/a.vtp"]):
+            self.sentence("pad", "cube.obj", "-o", *words, "--tolerance", "2%", "--effort", "0",
+                          limit=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (1200, 1200)))
+            self.assertEqual(os.listdir(self.folder), ["cube.obj"], "no empty folder stays")
 
     @unittest.skipIf(SANITIZERS, "a sanitizer needs terabytes of addresses")
     def test_a_limit_of_memory_leaves_a_sentence_or_an_asset(self):
@@ -344,6 +350,26 @@ class HostileTest(unittest.TestCase):
         with open("/dev/full", "w") as full:
             done = subprocess.run([BIN / "pad", "cube.obj", "--json", *QUICK], cwd=self.folder, stdout=full, stderr=subprocess.PIPE)
         self.assertEqual((done.returncode, done.stderr.count(b"\n")), (1, 1))
+
+    def test_a_bench_that_is_ended_leaves_no_process(self):
+        if not (BIN / "bench").exists():
+            self.skipTest("bench is not built")
+        bench = subprocess.Popen([BIN / "bench", "hard", "--scene", "million", "-q"], stdout=subprocess.DEVNULL)
+        children, patience = [], time.monotonic() + 60
+        while not children and time.monotonic() < patience:
+            children = pathlib.Path(f"/proc/{bench.pid}/task/{bench.pid}/children").read_text().split()
+        bench.terminate()
+        self.assertEqual((bench.wait(), len(children)), (128 + signal.SIGTERM, 1))
+
+        def runs(child):
+            try:
+                return pathlib.Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+            except OSError:
+                return False
+        patience = time.monotonic() + 3  # the mesh takes longer
+        while runs(children[0]) and time.monotonic() < patience:
+            time.sleep(0.01)
+        self.assertFalse(runs(children[0]))
 
     def test_standard_streams_that_are_closed(self):
         self.put("list", "cube.obj\n")

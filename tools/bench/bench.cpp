@@ -6,6 +6,7 @@
 #include "tools/bench/report/document.h"
 #include "tools/cli.h"
 #include "tools/json_output.h"
+#include "tools/run_files.h"
 
 #include <cstdio>
 #include <iostream>
@@ -115,13 +116,20 @@ void print_table(const Json& table) {
 }
 
 int run(const Entry& e, const Settings& settings) {
-  if (!settings.folder.empty()) std::filesystem::create_directories(settings.folder);
-  Json result = e.run(settings);
-  if (result.contains("machine")) write_result(settings, result);  // a measurement
-  if (settings.json)
-    std::cout << text_of(result) << std::flush;
-  else
-    print_table(result["table"]);
+  if (!settings.folder.empty())
+    padder::cli::check_writable(settings.folder / (std::string(e.name) + ".json"), true);
+  if (reads(e, "--backend")) backends(settings);  // refused before anything is measured
+  const Json result = e.run(settings);
+  const bool measured = result.contains("machine");
+  if (measured && result["rows"].empty())
+    throw padder::Error(
+        "nothing was measured, because no size of the bench's own is of this scene and backend: name one "
+        "with "
+        "--spheres");
+  // Before it is written: what took hours to measure must not be lost to a disk that is full.
+  if (!settings.json) print_table(result["table"]), padder::cli::flush_results();
+  if (measured) write_result(settings, result);
+  if (settings.json) std::cout << text_of(result) << std::flush;
   return result.value("passed", true) ? 0 : 1;
 }
 

@@ -71,8 +71,9 @@ void check_scene(const Settings&, const char* bench, std::vector<std::string> na
 const detect::Contacts& detect_watched(detect::Detector& detector, const detect::Input& input);
 std::uint64_t hash_watched(const detect::Detector& detector);
 
-std::vector<detect::BackendKind> backends(const Settings&);  // those asked for that are there
-const char* name_of(detect::BackendKind backend);            // "omp" or "cuda"
+// Those asked for that are there. Throws Error where CUDA alone is asked for and is not there.
+std::vector<detect::BackendKind> backends(const Settings&);
+const char* name_of(detect::BackendKind backend);  // "omp" or "cuda"
 // What --spheres says, or else the bench's own.
 std::vector<std::uint64_t> sizes_or(const Settings&, std::vector<std::uint64_t> own);
 std::uint64_t size_or(const Settings&, std::uint64_t own);

@@ -501,12 +501,14 @@ Json lines_of(const Json& rows) {
 Json boxes(const Settings& s) {
   check_scene(s, "boxes", {"dense", "poly100", "bodies", "host", "out-of-core", "front"});
   Table t;
-  const bool cuda = s.backend != "omp" && gpus() > 0;
-  if (s.backend == "cuda" && !cuda) throw Error("there is no GPU that CUDA can use: choose omp");
-  if (cuda)
+  if (backends(s).back() == detect::BackendKind::cuda) {
     gpu_rows(s, t);
-  else
+  } else {
+    if (s.devices > 0) wrong_usage("--devices counts GPUs, and the CPU is measured: leave it out");
+    if (!s.scene.empty() && s.scene != "dense")
+      wrong_usage("--scene " + s.scene + " is measured on GPUs, and dense on the CPU: leave it out");
     cpu_rows(s, t);
+  }
   const Json lines = lines_of(t.rows);
   for (const Json& line : lines)
     t.table.push_back({"line", line["backend"], std::to_string(line["devices"].get<int>()), "-", "-", "-",

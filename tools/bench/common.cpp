@@ -6,6 +6,8 @@
 #include <string_view>
 #include <thread>
 
+#include "detect/core/backend.h"
+#include "padding/asset/error.h"
 #include "tools/bench/bench.h"
 #include "tools/cli.h"
 #include "tools/watchdog.h"
@@ -59,10 +61,11 @@ void check_scene(const Settings& s, const char* bench, std::vector<std::string> 
 }
 
 std::vector<detect::BackendKind> backends(const Settings& s) {
+  const std::string absence = s.backend == "omp" ? "omp alone is asked for" : detect::cuda_absence(0);
+  if (s.backend == "cuda" && !absence.empty()) throw Error(absence);
   std::vector<detect::BackendKind> found;
   if (s.backend != "cuda") found.push_back(detect::BackendKind::omp);
-  if (s.backend != "omp" && (s.backend == "cuda" || detect::cuda_present()))
-    found.push_back(detect::BackendKind::cuda);
+  if (absence.empty()) found.push_back(detect::BackendKind::cuda);
   return found;
 }
 

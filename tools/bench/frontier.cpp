@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <set>
+#include <utility>
 
 #include "padding/by_depth/fit.h"
 #include "padding/pad.h"
@@ -108,9 +110,16 @@ Json frontier(const Settings& s) {
   if (s.files.empty()) wrong_usage("name at least one mesh: bench frontier MESH...");
   std::vector<Row> rows;
   Json growths = Json::array();
+  // All are read before any is padded: what is wrong with the last should not come to light after hours.
+  std::vector<std::pair<std::string, ReadResult>> meshes;
+  std::set<std::string> names;
   for (const std::string& path : s.files) {
-    const ReadResult file = read_mesh(path);
     const std::string name = std::filesystem::path(path).stem().string();
+    if (!names.insert(name).second)
+      wrong_usage(path + " has the name of another mesh, and rows go by names: rename one");
+    meshes.emplace_back(name, read_mesh(path));
+  }
+  for (const auto& [name, file] : meshes) {
     for (const double t : kTolerances) {
       say(s, name + ": tolerance " + number(t, "%g %%"));
       PadOptions options;

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "detect/scene/scene.h"
+#include "padding/asset/cluster.h"
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/device.h"
@@ -129,7 +130,7 @@ class Table {
 };
 
 // --spheres N: piles of N spheres together, at each spacing. --scene: one spacing only.
-std::vector<Case> cases_of(const Settings& s, const Part& part) {
+std::vector<Case> cases_of(const Settings& s, const Part& part, detect::BackendKind backend) {
   const std::pair<const char*, double> spacings[] = {{"loose", 1.5}, {"pressed", 1.0}, {"packed", 0.6}};
   std::vector<Case> cases;
   for (const std::uint64_t n : s.spheres)
@@ -140,6 +141,8 @@ std::vector<Case> cases_of(const Settings& s, const Part& part) {
     cases = {{10000, 1.5}, {100, 0.6}};
   else if (cases.empty())
     cases = {{20000, 1.5}, {200000, 1.0}, {1000, 0.6}, {200000, 0.6}};
+  if (s.spheres.empty() && backend == detect::BackendKind::omp)
+    std::erase_if(cases, [](const Case& c) { return c.bodies > 1000; });
   for (const auto& [name, spacing] : spacings)
     if (s.scene == name)
       std::erase_if(cases, [spacing = spacing](const Case& c) { return c.spacing != spacing; });
@@ -152,15 +155,15 @@ Json piles(const Settings& s) {
   check_scene(s, "piles", {"loose", "pressed", "packed"});
   std::vector<Part> parts;
   for (const std::string& file : s.files) {
-    const detect::Scene scene = detect::read_scene_or_cluster(file, 1);
-    parts.push_back(part_of(std::filesystem::path(file).stem().stem().string(), scene.assets.at(0).spheres));
+    std::vector<detect::Sphere> spheres = std::move(detect::rungs_of(read_cluster(file))[0].spheres);
+    if (spheres.empty()) throw Error(file + " has no spheres: there is nothing to pile");
+    parts.push_back(part_of(std::filesystem::path(file).stem().stem().string(), std::move(spheres)));
   }
   if (parts.empty()) parts.push_back(part_of("shell of 64", detect::generate_bodies(1).shape));
   Table t(s);
   for (const Part& part : parts)
     for (const detect::BackendKind backend : backends(s))
-      for (const Case& c : cases_of(s, part))
-        if (backend == detect::BackendKind::cuda || c.bodies <= 1000) t.row(part, c, backend);
+      for (const Case& c : cases_of(s, part, backend)) t.row(part, c, backend);
   return {{"bench", "piles"},     {"machine", machine()}, {"device", device_name()},
           {"threads", s.threads}, {"rows", t.rows},       {"table", t.table}};
 }

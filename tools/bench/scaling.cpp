@@ -109,7 +109,6 @@ void loose_rows(const Settings& s, Table& t) {
     for (const std::uint64_t n : c.sizes) {
       const std::vector<detect::FloatSphere> spheres = detect::generate(c.scene, n, c.random_order);
       for (const detect::BackendKind backend : backends(s)) {
-        if (backend == detect::BackendKind::omp && n > 5000000) continue;
         const DeviceSpheres device(spheres, backend == detect::BackendKind::cuda);
         // Lists of a billion leave the nine stages no memory.
         const bool huge = n > 100000000;
@@ -124,7 +123,7 @@ void loose_rows(const Settings& s, Table& t) {
 void body_rows(const Settings& s, Table& t) {
   std::vector<BodyCase> bodies;
   for (const std::uint64_t n : s.spheres)
-    bodies.push_back({"cluster", static_cast<std::uint32_t>(n / 64), ~0u});
+    bodies.push_back({"cluster", static_cast<std::uint32_t>(std::max<std::uint64_t>(n / 64, 1)), ~0u});
   if (s.spheres.empty())
     bodies = {{"cluster", 10000, ~0u},
               {"cluster", 100000, ~0u},
@@ -134,7 +133,7 @@ void body_rows(const Settings& s, Table& t) {
   for (const BodyCase& c : bodies)
     for (const detect::BackendKind backend : backends(s)) {
       const bool cuda = backend == detect::BackendKind::cuda;
-      if (c.bodies == 0 || (!cuda && c.bodies > 100000)) continue;
+      if (s.spheres.empty() && !cuda && c.bodies > 100000) continue;
       detect::BodyScene scene = detect::generate_bodies(c.bodies);
       for (std::size_t b = 0; b < scene.bodies.size(); b++) scene.bodies[b].is_static = b >= c.moving;
       const DeviceBodies device(scene, c.moving, cuda);

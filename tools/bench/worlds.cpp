@@ -290,9 +290,10 @@ class Table {
 }  // namespace
 
 Json worlds(const Settings& s) {
+  const WorldScene of_arms = arm(s, static_cast<std::uint32_t>(size_or(s, 100000)));  // reads its files first
   Table t(s);
   t.rows_of(pairs_of_bodies(static_cast<std::uint32_t>(size_or(s, 8192))), true);
-  t.rows_of(arm(s, static_cast<std::uint32_t>(size_or(s, 100000))), false);
+  t.rows_of(of_arms, false);
   for (const detect::BackendKind backend : backends(s))
     for (const auto& [of_world, obstacles] :
          {std::pair(100u, 0u), {10000u, 0u}, {1000000u, 0u}, {100u, 10u}, {10000u, 1000u}})

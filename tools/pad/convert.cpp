@@ -60,7 +60,8 @@ Json run_convert(const PadArguments& a, const std::string& input, const PadTarge
   SphereModel spheres = read_sphere_model(input);
   Model& model = spheres.model;
   change(model, a);
-  target.make_folders();
+  NewFolders folders;
+  target.make(folders);
   std::vector<std::string> warnings;
   if (spheres.switched_off > 0)
     warnings.push_back(cli::counted(spheres.switched_off, "sphere") + " of " + input +

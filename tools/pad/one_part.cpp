@@ -159,7 +159,8 @@ Json pad_one(const PadArguments& a, const std::string& file, const PadTarget& ta
     if (out.format && out.format->mass_frame) options.volume_for = out.format->program;
   const Padded padded = pad_file(file, {a.scale, a.unit}, options, progress);
   std::vector<std::string> warnings = padded.report.warnings;
-  target.make_folders();  // not before: where nothing is made, no empty folder stays
+  NewFolders folders;
+  target.make(folders);
   for (const OutputFile& out : target.outputs) {
     if (!out.format) {
       write_cluster(padded.cluster, out.path);

@@ -111,7 +111,8 @@ Json run_robot(const PadArguments& a, const std::string& file, const PadTarget& 
   ExportOptions exported{.density = a.density};
   for (const OutputFile& output : target.outputs)
     if (output.is("urdf")) exported.urdf = output.path.filename().string();
-  target.make_folders();
+  NewFolders folders;
+  target.make(folders);
   for (const OutputFile& output : target.in_writing_order())
     for (auto& sentence : write_model(robot.model, output.path, *output.format, exported))
       warnings.push_back(std::move(sentence));

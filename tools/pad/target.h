@@ -5,10 +5,10 @@
 #include <filesystem>
 #include <future>
 #include <string_view>
-#include <system_error>
 #include <vector>
 
 #include "padding/export/export.h"
+#include "padding/export/new_folders.h"
 #include "padding/robots/robot_tree.h"
 
 namespace padder {
@@ -34,13 +34,9 @@ struct PadTarget {
                           [](const OutputFile& file) { return !file.is("srdf"); });
     return files;
   }
-  void make_folders() const {
-    std::error_code code;  // if this fails, writing the file fails and names the reason
-    const auto make = [&](const std::filesystem::path& file) {
-      if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), code);
-    };
-    for (const OutputFile& file : outputs) make(file.path);
-    make(mesh), make(preview);
+  void make(NewFolders& folders) const {
+    for (const OutputFile& file : outputs) folders.make(file.path.parent_path());
+    folders.make(mesh.parent_path()), folders.make(preview.parent_path());
   }
   // Levels of detail are in a .spheres.json alone: a warning where there are some and none is written.
   void tell_levels_left_out(bool levels, std::vector<std::string>& warnings) const {

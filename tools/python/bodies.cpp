@@ -9,6 +9,7 @@
 #include "detect/core/errors.h"
 #include "detect/scene/scene.h"
 #include "padding/asset/cluster.h"
+#include "tools/python/arguments.h"
 #include "tools/python/arrays.h"
 #include "tools/python/module.h"
 #include "tools/python/unlocked.h"
@@ -94,9 +95,9 @@ std::shared_ptr<Bodies> bodies_of(const py::sequence& shapes, const py::object& 
 }
 
 // The bodies at other levels of detail. `smallest` given: for things that move.
-std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, const py::object& centers,
-                                 const py::object& radii, std::optional<double> smallest, double margin,
-                                 double share) {
+std::shared_ptr<Bodies> with_lod(const Bodies& from, const Text<"lod">& lod, const py::object& centers,
+                                 const py::object& radii, std::optional<Real<"smallest">> smallest,
+                                 Real<"margin"> margin, Real<"share"> share) {
   if (centers.is_none() != radii.is_none()) throw py::value_error("centers and radii go together");
   if (!(share > 0)) throw py::value_error("share must be a number above 0");
   if (smallest && !(*smallest >= 0)) throw py::value_error("smallest must be 0 or more");
@@ -131,7 +132,7 @@ std::shared_ptr<Bodies> with_lod(const Bodies& from, const std::string& lod, con
       throw py::value_error(e.what());
     }
   } else {
-    for (const detect::Sphere& s : loose) smallest = std::min(*smallest, s.r);
+    for (const detect::Sphere& s : loose) smallest->value = std::min(smallest->value, s.r);
     choice = detect::choose_rungs_anywhere(shapes, from.bodies, *smallest, rule);
   }
   auto out = std::make_shared<Bodies>();

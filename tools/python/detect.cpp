@@ -6,11 +6,11 @@
 
 #include "detect/core/errors.h"
 #include "padding/asset/error.h"
+#include "tools/python/arguments.h"
 #include "tools/python/arrays.h"
 #include "tools/python/bodies.h"
 #include "tools/python/module.h"
 #include "tools/python/unlocked.h"
-#include "tools/python/whole.h"
 
 namespace padder::python {
 
@@ -18,7 +18,15 @@ using namespace pybind11::literals;
 
 namespace {
 
-using Threads = Whole<int, detect::kMostThreads>;
+using Answer = Text<"answer">;
+using BackendName = Text<"backend">;
+using Device = Whole<"device", int>;
+using Margin = Real<"margin">;
+using Precision = Text<"precision">;
+using Revision = Whole<"revision", std::uint64_t>;
+using Threads = Whole<"threads", int, detect::kMostThreads>;
+using Width = Text<"width">;
+using Worlds = Whole<"count", std::uint32_t>;
 
 // A detector and who uses it. The arrays that its last call returned are views of its memory. Everything but
 // `detector` is protected by Python's global lock.
@@ -303,13 +311,14 @@ class PyDetector {
  public:
   PyDetector(const std::string& width, const std::string& backend, const std::string& precision, int threads,
              int device, bool history = false) {
-    using detect::BackendKind, detect::Precision, detect::Width;
-    static constexpr std::pair<const char*, Width> widths[] = {
-        {"pairs", Width::pairs}, {"normals", Width::normals}, {"points", Width::points}};
+    using detect::BackendKind;
+    static constexpr std::pair<const char*, detect::Width> widths[] = {{"pairs", detect::Width::pairs},
+                                                                       {"normals", detect::Width::normals},
+                                                                       {"points", detect::Width::points}};
     static constexpr std::pair<const char*, BackendKind> backends[] = {
         {"auto", BackendKind::automatic}, {"omp", BackendKind::omp}, {"cuda", BackendKind::cuda}};
-    static constexpr std::pair<const char*, Precision> precisions[] = {{"exact", Precision::exact},
-                                                                       {"fast", Precision::float32}};
+    static constexpr std::pair<const char*, detect::Precision> precisions[] = {
+        {"exact", detect::Precision::exact}, {"fast", detect::Precision::float32}};
     detect::CallOptions o;
     o.threads = threads, o.history = history;
     o.width = named(widths, width, "width must be \"pairs\", \"normals\" or \"points\"");
@@ -439,15 +448,15 @@ void add_detect(py::module_& m) {
   py::class_<PyDetector>(
       m, "Detector",
       "Finds contacts again and again, and keeps its memory, and what stands still, from call to call.")
-      .def(py::init<const std::string&, const std::string&, const std::string&, Threads, Whole<int>, bool>(),
-           py::kw_only(), "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact",
-           "threads"_a = 0, "device"_a = 0, "history"_a = false)
+      .def(py::init<Width, BackendName, Precision, Threads, Device, bool>(), py::kw_only(),
+           "width"_a = "normals", "backend"_a = "auto", "precision"_a = "exact", "threads"_a = 0,
+           "device"_a = 0, "history"_a = false)
       .def_property_readonly("backend", &PyDetector::backend)
       .def(
           "detect",
           [](PyDetector& d, Objects centers, Objects radii, Objects family, Objects mask, Objects is_static,
-             Objects world, MaybeBodies bodies, Whole<std::uint64_t> revision, Objects moved, Objects poses,
-             double margin) {
+             Objects world, MaybeBodies bodies, Revision revision, Objects moved, Objects poses,
+             Margin margin) {
             return d.detect({centers, radii, family, mask, is_static, world, bodies, revision, moved, poses},
                             margin);
           },
@@ -460,9 +469,9 @@ void add_detect(py::module_& m) {
               .c_str())
       .def(
           "worlds",
-          [](PyDetector& d, Whole<std::uint32_t> count, const std::string& answer, Objects centers,
-             Objects radii, Objects family, Objects mask, Objects is_static, Objects world,
-             MaybeBodies bodies, Whole<std::uint64_t> revision, Objects moved, Objects poses, double margin) {
+          [](PyDetector& d, Worlds count, const Answer& answer, Objects centers, Objects radii,
+             Objects family, Objects mask, Objects is_static, Objects world, MaybeBodies bodies,
+             Revision revision, Objects moved, Objects poses, Margin margin) {
             return d.worlds(count, answer,
                             {centers, radii, family, mask, is_static, world, bodies, revision, moved, poses},
                             margin);
@@ -474,8 +483,8 @@ void add_detect(py::module_& m) {
   m.def(
       "detect",
       [](Objects centers, Objects radii, Objects family, Objects mask, Objects is_static, Objects world,
-         MaybeBodies bodies, double margin, const std::string& width, const std::string& backend,
-         const std::string& precision, Threads threads, Whole<int> device) {
+         MaybeBodies bodies, Margin margin, const Width& width, const BackendName& backend,
+         const Precision& precision, Threads threads, Device device) {
         return PyDetector(width, backend, precision, threads, device)
             .detect({centers, radii, family, mask, is_static, world, bodies}, margin);
       },
@@ -487,9 +496,9 @@ void add_detect(py::module_& m) {
           .c_str());
   m.def(
       "worlds",
-      [](Whole<std::uint32_t> count, const std::string& answer, Objects centers, Objects radii,
-         Objects family, Objects mask, Objects is_static, Objects world, MaybeBodies bodies, double margin,
-         const std::string& backend, Threads threads, Whole<int> device) {
+      [](Worlds count, const Answer& answer, Objects centers, Objects radii, Objects family, Objects mask,
+         Objects is_static, Objects world, MaybeBodies bodies, Margin margin, const BackendName& backend,
+         Threads threads, Device device) {
         return PyDetector("pairs", backend, "exact", threads, device)
             .worlds(count, answer, {centers, radii, family, mask, is_static, world, bodies}, margin);
       },

@@ -13,10 +13,10 @@
 #include "padding/import/import.h"
 #include "padding/pad.h"
 #include "padding/robot.h"
+#include "tools/python/arguments.h"
 #include "tools/python/arrays.h"
 #include "tools/python/interruptible.h"
 #include "tools/python/module.h"
-#include "tools/python/whole.h"
 
 namespace padder::python {
 
@@ -131,7 +131,7 @@ void take_more(PadOptions& o, const py::kwargs& more) {
       o.balance = named(kBalances, cast_of<std::string>(value, name),
                         "balance must be \"none\", \"volume\" or \"mean\"");
     } else if (name == "effort") {
-      o.effort = cast_of<Whole<int>>(value, name);
+      o.effort = cast_of<Whole<"effort", int>>(value, name);
     } else if (name == "smooth") {
       o.smooth = number_of(value, "smooth");
     } else if (name == "lod") {
@@ -206,16 +206,18 @@ void add_spheres_of(PyCluster& cluster) {
            [](const Cluster& c) {
              return "<padder.Cluster " + c.name + ": " + std::to_string(c.size()) + " spheres>";
            })
-      .def_readwrite("name", &Cluster::name)
+      .def_property(
+          "name", [](const Cluster& c) { return c.name; },
+          [](Cluster& c, const Text<"name">& name) { c.name = name.value; })
       .def_property(
           "unit", [](const Cluster& c) { return c.unit; },
-          [](Cluster& c, const std::string& unit) { need_unit(unit), c.unit = unit; })
+          [](Cluster& c, const Text<"unit">& unit) { need_unit(unit), c.unit = unit.value; })
       .def_property(
           "family", [](const Cluster& c) { return c.family; },
-          [](Cluster& c, Whole<std::uint32_t> family) { c.family = family; })
+          [](Cluster& c, Whole<"family", std::uint32_t> family) { c.family = family; })
       .def_property(
           "mask", [](const Cluster& c) { return c.mask; },
-          [](Cluster& c, Whole<std::uint32_t> mask) { c.mask = mask; })
+          [](Cluster& c, Whole<"mask", std::uint32_t> mask) { c.mask = mask; })
       .def_readonly("volume_union", &Cluster::volume_union)
       .def_property_readonly("centers",
                              [](const py::object& self) {
@@ -263,16 +265,15 @@ void add_cluster(py::module_& m) {
       .def("to_json", [](const Cluster& c) { return to_json(c); })
       .def(
           "save",
-          [](const Cluster& c, const std::filesystem::path& path, const std::string& format, double density) {
-            save_model(model_of(c), path, format, density);
-          },
+          [](const Cluster& c, const std::filesystem::path& path, const Text<"format">& format,
+             Real<"density"> density) { save_model(model_of(c), path, format, density); },
           "path"_a, "format"_a = "", "density"_a = 1000.0);
 }
 
 void add_load(py::module_& m) {
   m.def(
       "load",
-      [](const std::filesystem::path& path, const std::string& part) {
+      [](const std::filesystem::path& path, const Text<"part">& part) {
         need_file(path);
         return std::make_shared<Cluster>(read_spheres(path, part));
       },
@@ -285,16 +286,18 @@ void add_pad_of_arrays(py::module_& m) {
   m.def(
       "pad",
       [](const py::object& vertices, const py::object& faces, const py::object& depth,
-         const py::object& tolerance, const py::object& edge_length, Whole<std::uint64_t> max_spheres,
-         double sharp_angle, const std::string& repair, Whole<std::uint32_t> family,
-         Whole<std::uint32_t> mask, const std::string& unit, const std::string& name,
+         const py::object& tolerance, const py::object& edge_length,
+         Whole<"max_spheres", std::uint64_t> max_spheres, Real<"sharp_angle"> sharp_angle,
+         const Text<"repair">& repair, Whole<"family", std::uint32_t> family,
+         Whole<"mask", std::uint32_t> mask, const Text<"unit">& unit, const Text<"name">& name,
          const py::object& protrusion, const py::object& gap, const py::kwargs& more) {
         const PadOptions options = options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair,
                                               family, mask, protrusion, gap, more);
         need_unit(unit);
         ReadResult file;
         file.mesh = given_mesh(vertices, faces);
-        file.unit = unit, file.source.file = name, file.source.triangles = file.mesh.triangles.size();
+        file.unit = unit.value, file.source.file = name.value,
+        file.source.triangles = file.mesh.triangles.size();
         if (file.mesh.triangles.empty())
           throw py::value_error("faces is empty: a mesh needs at least one triangle");
         return cluster_of(interruptible([file = std::move(file), options](const PadProgress& progress) {
@@ -323,10 +326,10 @@ void add_pad_of_file(py::module_& m) {
   m.def(
       "pad_file",
       [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
-         const py::object& edge_length, Whole<std::uint64_t> max_spheres, double sharp_angle,
-         const std::string& repair, Whole<std::uint32_t> family, Whole<std::uint32_t> mask,
-         const std::string& unit, double scale, const py::object& protrusion, const py::object& gap,
-         const py::kwargs& more) {
+         const py::object& edge_length, Whole<"max_spheres", std::uint64_t> max_spheres,
+         Real<"sharp_angle"> sharp_angle, const Text<"repair">& repair, Whole<"family", std::uint32_t> family,
+         Whole<"mask", std::uint32_t> mask, const Text<"unit">& unit, Real<"scale"> scale,
+         const py::object& protrusion, const py::object& gap, const py::kwargs& more) {
         const PadOptions options = options_of(depth, tolerance, edge_length, max_spheres, sharp_angle, repair,
                                               family, mask, protrusion, gap, more);
         need_unit(unit), need_file(path);
@@ -371,15 +374,16 @@ void add_robot(py::module_& m) {
            })
       .def(
           "save",
-          [](const PaddedRobot& r, const std::filesystem::path& path, const std::string& format,
-             double density) { save_model(r.model, path, format, density); },
+          [](const PaddedRobot& r, const std::filesystem::path& path, const Text<"format">& format,
+             Real<"density"> density) { save_model(r.model, path, format, density); },
           "path"_a, "format"_a = "", "density"_a = 1000.0);
   m.def(
       "pad_urdf",
       [](const std::filesystem::path& path, const py::object& depth, const py::object& tolerance,
-         const py::object& edge_length, Whole<std::uint64_t> max_spheres, Whole<std::uint64_t> robot_spheres,
-         bool visual, const std::vector<std::filesystem::path>& package_path, Whole<int> poses,
-         const std::string& repair, const py::kwargs& more) {
+         const py::object& edge_length, Whole<"max_spheres", std::uint64_t> max_spheres,
+         Whole<"robot_spheres", std::uint64_t> robot_spheres, bool visual,
+         const std::vector<std::filesystem::path>& package_path, Whole<"poses", int> poses,
+         const Text<"repair">& repair, const py::kwargs& more) {
         const PadOptions options =
             options_of(depth, tolerance, edge_length, max_spheres, PadOptions().sharp_angle, repair, 0, 0,
                        py::none(), py::none(), more);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "tools/settle/read_scene.h"
 
+#include <unistd.h>
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -324,6 +326,10 @@ class Reader {
   template <class Put>
   void fill(const Place& g, double widest, Put put) {
     const std::uint64_t count = g.at("count").whole(0xfffffffeu);
+    constexpr double least_bytes = 400;  // that a run takes for a grain
+    const double memory = double(::sysconf(_SC_PHYS_PAGES)) * double(::sysconf(_SC_PAGESIZE));
+    if (least_bytes * static_cast<double>(count) > memory)
+      g.at("count").fail("so many grains take more memory than this machine has: make them fewer");
     const Vec3 low = vector_at(g.at("low")), high = vector_at(g.at("high"));
     const double edge = 2.04 * widest;
     const auto places = [&](double from, double to) {

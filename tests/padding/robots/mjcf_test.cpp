@@ -317,6 +317,39 @@ TEST_F(MjcfTest, WhatIsNotReadIsSaidInASentence) {
     EXPECT_TRUE(holds(fault(inside), words)) << inside << ": " << fault(inside);
 }
 
+TEST_F(MjcfTest, WhatMuJoCoRefusesIsRefused) {
+  const std::string box = "<geom type='box' size='1 1 1'/>";
+  for (const auto& [inside, words] :
+       {std::pair<std::string, const char*>("<body><joint range='1 -1'/>", "the lower end first"),
+        {"<body><joint range='1 1' limited='true'/>", "the lower end first"},
+        {"<body><joint limited='true'/>", "the lower end first"},
+        {"<body><joint type='ball' range='1 2'/>", "the range of a ball is 0 and an angle above 0"},
+        {"<body><joint range='-1 1' limited='maybe'/>", "limited is true, false or auto, not \"maybe\""},
+        {"<body name='a'>" + box + "<body><freejoint/>", "take it out of a"},
+        {"<body><freejoint/><joint/>", "no other joint"},
+        {"<body><joint/><joint type='free'/>", "no other joint"},
+        {"<freejoint/><body>", "the world has no joints"},
+        {"<body><geom size='1' mass='-1'/>", "mass or density is below 0"},
+        {"<body><geom size='1' density='-1'/>", "mass or density is below 0"},
+        {"<body zaxis='0 0 0'>", "its zaxis has a direction without length"},
+        {"<body axisangle='0 0 0 1'>", "without length"},
+        {"<body xyaxes='1 0 0 2 0 0'>", "without length"}}) {
+    const bool nested = inside.find("name='a'") != std::string::npos;
+    const fs::path file = world(inside + box + "</body>" + (nested ? "</body>" : ""));
+    EXPECT_TRUE(refuses([&] { read_mjcf(file); }, words)) << inside;
+    char error[1000] = "";
+    EXPECT_EQ(mj_loadXML(file.c_str(), nullptr, error, sizeof error), nullptr) << inside;
+  }
+  for (const char* joint : {"<joint range='1 -1' limited='false'/>", "<joint range='0 0'/>"})
+    EXPECT_EQ(read_mjcf(world("<body>" + std::string(joint) + box + "</body>")).model.bodies[1].joint.type,
+              Joint::Type::continuous);
+}
+
+TEST_F(MjcfTest, NothingIsQuotedOfAFileThatIsNoXml) {
+  write_file(folder_ / "secret", "root:x:0:0");
+  EXPECT_TRUE(holds(fault("<include file='secret'/>"), "secret: there is no element in it"));
+}
+
 TEST_F(MjcfTest, BodiesOnlyToLookAtAreNamedAndPairsTouch) {
   const std::string bodies =
       "<worldbody><geom name='floor' type='plane' size='1 1 1'/><body name='a'><joint/><geom size='.1'/>"

@@ -5,6 +5,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
+#include "padding/asset/json.h"
 
 namespace padder::bench {
 
@@ -24,12 +25,8 @@ std::string text_of(const Json& document) {
 }
 
 Json read_document(const std::string& file) {
-  try {
-    return Json::parse(read_file(file));
-  } catch (const Json::parse_error& e) {
-    throw Error(file + ": not JSON at byte " + std::to_string(e.byte) +
-                ": bench NAME -o DIR writes what can be drawn and compared as DIR/NAME.json");
-  }
+  return parse_json<Json>(read_file(file, kMostText), file,
+                          "bench NAME -o DIR writes what can be drawn and compared as DIR/NAME.json");
 }
 
 std::string bench_of(const Json& document, const std::string& where) {

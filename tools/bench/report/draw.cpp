@@ -7,6 +7,7 @@
 
 #include "padding/asset/error.h"
 #include "padding/asset/file.h"
+#include "padding/export/new_folders.h"
 #include "tools/bench/report/document.h"
 #include "tools/cli.h"
 
@@ -20,8 +21,10 @@ const char* const kNoGnuplot = "gnuplot is not installed (Debian: gnuplot-nox)";
 // A folder of its own for gnuplot, gone afterwards.
 struct Workshop {
   Workshop() {
-    std::string name = (fs::temp_directory_path() / "padder-plot-XXXXXX").string();
-    if (!::mkdtemp(name.data())) throw Error("cannot make a folder in " + fs::temp_directory_path().string());
+    std::error_code code;  // set when TMPDIR names no folder
+    std::string name = (fs::temp_directory_path(code) / "padder-plot-XXXXXX").string();
+    if (code || !::mkdtemp(name.data()))
+      throw Error(name + ": a temporary folder cannot be made: set TMPDIR to another");
     path = name;
   }
   ~Workshop() {
@@ -51,6 +54,8 @@ bool have_gnuplot() { return std::system("command -v gnuplot >/dev/null 2>&1") =
 
 std::vector<fs::path> draw(const std::vector<Plot>& plots, const fs::path& folder, const std::string& stem) {
   if (!plots.empty() && !have_gnuplot()) throw Error(std::string("no plot: ") + kNoGnuplot);
+  NewFolders folders;
+  folders.make(folder);
   std::vector<fs::path> files;
   for (const Plot& plot : plots) {
     const fs::path file = folder / (stem + plot.name + ".svg");
@@ -71,6 +76,8 @@ std::vector<fs::path> draw(const std::vector<Plot>& plots, const fs::path& folde
 
 void write_result(const Settings& s, const Json& result) {
   if (s.folder.empty()) return;
+  NewFolders folders;
+  folders.make(s.folder);
   const std::string name = result["bench"];
   const fs::path file = s.folder / (name + ".json");
   write_file(file, text_of(result));

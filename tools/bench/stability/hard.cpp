@@ -3,6 +3,7 @@
 // a limit of time and memory, so a crash or an endless loop is a row of the table. The gap is measured once
 // more: by points of the input, and all balls. With a folder, the meshes are written there as well, for
 // tools/survey, which audits both errors from outside.
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -79,6 +80,7 @@ Json in_child(const std::function<Json()>& work) {
   const pid_t child = ::fork();
   if (child < 0) throw Error(std::string("no process: ") + std::strerror(errno));
   if (child == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGKILL);  // it ends with whoever waits for it
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // sanitizers reserve terabytes
     constexpr rlim_t most = rlim_t(8) << 30;                         // bytes a mesh may take
     const rlimit memory = {most, most};
