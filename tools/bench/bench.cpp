@@ -123,8 +123,7 @@ int run(const Entry& e, const Settings& settings) {
   const bool measured = result.contains("machine");
   if (measured && result["rows"].empty())
     throw padder::Error(
-        "nothing was measured, because no size of the bench's own is of this scene and backend: name one "
-        "with "
+        "nothing was measured, because no size of the bench's own is of this scene and backend: name one by "
         "--spheres");
   // Before it is written: what took hours to measure must not be lost to a disk that is full.
   if (!settings.json) print_table(result["table"]), padder::cli::flush_results();
