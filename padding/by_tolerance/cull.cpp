@@ -48,6 +48,7 @@ class CullSearch {
       culled.within = !(options_.tolerance > 0) || tolerance_sum <= 2 * options_.tolerance;
     } else if (mean) {
       cover(tolerance_sum);
+      covered_ = covers(cover_);
       tolerance_sum = tolerance_sum_for_count(cover_.balls.size() + cover_.balls.size() / 2, 0);
     }
     cover(tolerance_sum);
@@ -130,16 +131,19 @@ class CullSearch {
     return std::sqrt(r * r + disc2) - r;
   }
 
-  // As cover(), but goes back to the cover before where the new one has too many balls. Returns whether it
-  // kept the new one.
-  bool cover_with_few(double tolerance_sum) {
+  // As cover(), but goes back to the cover before where the new one has too many balls, or leaves surface
+  // open that the one before covered, as a smallest radius may make it.
+  enum class Outcome : std::uint8_t { kept, too_many, opens };
+  Outcome cover_with_few(double tolerance_sum) {
     const Cover last = cover_;
     const double last_sum = tolerance_sum_;
     cover(tolerance_sum);
-    if (options_.max_spheres == 0 || cover_.balls.size() <= options_.max_spheres) return true;
+    const bool many = options_.max_spheres > 0 && cover_.balls.size() > options_.max_spheres;
+    if (!many && (covers(cover_) || !covers(last))) return Outcome::kept;
     cover_ = last, tolerance_sum_ = last_sum;
-    return false;
+    return many ? Outcome::too_many : Outcome::opens;
   }
+  static bool covers(const Cover& cover) { return cover.open.why == WhyOpen::nothing; }
 
   // A small tolerance sum, but at least `least`, for which at most `count` balls suffice. The search goes
   // down a ladder of sums until there are too many balls, then halves the last stride. At last it tries some
@@ -161,7 +165,7 @@ class CullSearch {
       cover(sum_of(rung), options_.min_radius > 0 ? kAnyCount : count);
       // Few balls are no answer where a smallest radius leaves surface open: smaller sums only leave more.
       const bool in_vain = cover_.open.why == WhyOpen::min_radius && !(options_.tolerance > 0);
-      if (cover_.balls.size() > count || in_vain) return false;
+      if (cover_.balls.size() > count || in_vain || (covered_ && !covers(cover_))) return false;
       best_ = cover_;
       return true;
     };
@@ -206,7 +210,8 @@ class CullSearch {
     double smoothest = std::numeric_limits<double>::infinity(), smoothest_sum = tolerance_sum_;
     best_ = cover_;
     double last_ratio = 1;
-    for (int step = 0, vain = 0; step < 6 && vain < 2 && cover_with_few(tolerance_sum); step++) {
+    for (int step = 0, vain = 0; step < 6 && vain < 2 && cover_with_few(tolerance_sum) == Outcome::kept;
+         step++) {
       const double error = union_shape(surface_, dilated(0.5 * tolerance_sum)).normal_error;
       vain += last_ratio < kLongStep ? 2 : 1;
       if (error <= options_.smooth || error < kSmoother * smoothest)
@@ -223,9 +228,17 @@ class CullSearch {
     return tolerance_sum_;
   }
 
-  // The smallest and the largest dilation that keep both bounds.
+  // The smallest and the largest dilation that keep both bounds, and the radii that are allowed. The balls of
+  // the cover, whose dilation is half of the tolerance sum, keep all of them.
   std::pair<double, double> allowed(double tolerance_sum) const {
-    return {tolerance_sum - bound_, std::min(bound_, tolerance_sum)};
+    double least = tolerance_sum - bound_, most = std::min(bound_, tolerance_sum);
+    const double half = 0.5 * tolerance_sum, smallest = options_.min_radius * (1 + kKeptBack),
+                 largest = options_.max_radius * (1 - kKeptBack);
+    for (const Ball& ball : cover_.balls) {
+      least = std::max(least, half + std::min(smallest - ball.radius, 0.0));
+      most = std::min(most, half + std::max(largest - ball.radius, 0.0));
+    }
+    return {least, most};
   }
 
   // Finds the largest tolerance sum for which the smallest allowed dilation still has at most the true
@@ -238,10 +251,9 @@ class CullSearch {
       return union_shape(surface_, dilated(dilation)).volume / body;
     };
     for (int step = 0; step < 6; step++) {
-      if (!cover_with_few(tolerance_sum)) {
-        tolerance_sum = tolerance_sum_;
-        bound_ = tolerance_sum, culled.within = !(options_.tolerance > 0), step = 5;
-      }
+      const Outcome outcome = cover_with_few(tolerance_sum);
+      if (outcome != Outcome::kept) tolerance_sum = tolerance_sum_, step = 5;
+      if (outcome == Outcome::too_many) bound_ = tolerance_sum, culled.within = !(options_.tolerance > 0);
       const auto [least, most] = allowed(tolerance_sum);
       double low = least, high = most, at_low = ratio(low);
       if (at_low > 1 + kVolumeGoal && step < 5) {
@@ -282,7 +294,8 @@ class CullSearch {
   const double diagonal_;
   Cover cover_, best_;
   double tolerance_sum_ = 0, bound_ = 0;
-  int covers_ = 0;  // that were made
+  bool covered_ = false;  // all of the surface, by the cover that the tolerance asks for
+  int covers_ = 0;        // that were made
 };
 
 }  // namespace

@@ -110,6 +110,38 @@ TEST(Cull, MeansGetSmallerWithinTheTolerance) {
   EXPECT_LT(after.protrusion + after.gap, 0.9 * (before.protrusion + before.gap));
 }
 
+TEST(Cull, RadiusLimitsAreKeptWhateverIsBalanced) {
+  const Surface box(shapes::unit(shapes::box({0, 0, 0}, {1, 1, 1})));
+  const auto radius = [](const Ball& ball) { return ball.radius; };
+  for (const Balance balance : {Balance::none, Balance::volume, Balance::mean}) {
+    SCOPED_TRACE(static_cast<int>(balance));
+    const Culled small = cull(box, {.tolerance = 0.1, .max_radius = 0.04, .balance = balance, .effort = 0});
+    expect_proved(box, small);
+    EXPECT_LE(radius(*std::ranges::max_element(small.balls, {}, radius)), 0.04);
+    const Culled large = cull(box, {.tolerance = 0.1, .min_radius = 0.15, .balance = balance, .effort = 0});
+    expect_proved(box, large);
+    EXPECT_GE(radius(*std::ranges::min_element(large.balls, {}, radius)), 0.15);
+  }
+}
+
+// Smaller errors, which are smoother, are beyond spheres so large. The tolerance is not.
+TEST(Cull, WhatTheToleranceCoversStaysCovered) {
+  const Surface box(shapes::unit(shapes::box({0, 0, 0}, {1, 1, 1})));
+  const CullOptions plain{.tolerance = 0.05, .min_radius = 0.08, .effort = 0};
+  const std::size_t balls = cull(box, plain).balls.size();
+  CullOptions options = plain;
+  options.smooth = 10;
+  const Culled smooth = cull(box, options);
+  expect_proved(box, smooth);
+  EXPECT_LE(smooth.balls.size(), 10 * balls);
+  // Of a ring so thin no sphere is as large.
+  options = {.tolerance = 0.1, .min_radius = 0.15, .effort = 0};
+  for (const Balance balance : {Balance::none, Balance::volume, Balance::mean}) {
+    options.balance = balance, options.smooth = balance == Balance::none ? 10 : 0;
+    expect_proved(torus(), cull(torus(), options));
+  }
+}
+
 TEST(Cull, SmoothnessIsReached) {
   const double rough = union_shape(torus(), cull(torus(), {.tolerance = 0.03}).balls).normal_error;
   const Culled smooth = cull(torus(), {.tolerance = 0.03, .smooth = 0.8 * rough});
