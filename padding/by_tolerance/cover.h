@@ -24,8 +24,8 @@ struct CoverOptions {
   // 0: greedy only. 1: local search. 2 and 3 go on from what the effort before has found, so they never give
   // more balls; each takes about three times as long.
   int effort = 1;
-  // Whoever looks for a tolerance that so many balls can keep does not need a cover of many more: where it is
-  // sure to have eight times as many, it is returned unfinished.
+  // Whoever looks for a tolerance that so many balls can keep does not need a cover of many more: where its
+  // last stage begins with more than eight times as many, it is returned unfinished.
   std::uint64_t most_balls = std::numeric_limits<std::uint64_t>::max();
   TellShare tell;  // may be empty; called some ten times, from any thread, never from two at once
 };

@@ -491,7 +491,7 @@ TEST_P(DetectorTest, TheListIsFixed) {
 TEST_P(DetectorTest, SpheresComeAndGo) {
   if (options_.path == Path::nine_stages) GTEST_SKIP() << "begins anew in each call";
   TestScene equal = random_scene(12'000, 1, 1, 7), unequal = random_scene(12'000, 100, 1, 7), far = equal;
-  far.spheres[0].x = 1e12;  // for bins in fixed point
+  far.spheres[0].x = 1e12;
   for (const TestScene& given : {equal, unequal, far})
     for (const Order order : {Order::stable, Order::any}) {
       if (order == Order::any && options_.precision != Precision::exact) continue;  // float decides otherwise

@@ -16,7 +16,7 @@ class WayChoice {
   bool first() const { return first_ != trying_; }
   // Is this a call of the way that was not chosen?
   bool trying() const { return trying_; }
-  // Is there more to say for this way than the costs?
+  // Has the clock been asked, or is it in this call? Then the costs have less to say.
   bool by_clock() const { return trying_ || tried_; }
   // Does took() ask how long this call takes?
   bool times() const { return calls_ >= kUntimed; }

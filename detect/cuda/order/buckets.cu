@@ -96,8 +96,8 @@ std::uint64_t words_of_starts(std::uint32_t buckets) {
 }  // namespace
 
 // May the spheres be divided by what the previous call found? Sets plan.kept, and returns how many places the
-// divided spheres take. Two calls have the same buckets, whatever the spheres do, if their layouts are equal:
-// then those of the first have room in the second.
+// divided spheres take. Whatever the spheres do, and however many they are, two calls have the same buckets
+// if their layouts say so: then those of the first have room in the second.
 std::uint64_t Orderer::plan_rooms(const OrderRequest& r, const Ordered& o, BucketPlan& p) {
   const std::uint64_t n = o.count;
   Layout layout{n, p.buckets.count, p.buckets.entries};
