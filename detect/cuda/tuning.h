@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-// Every threshold of the GPU half that was chosen by measuring: what it decides, the row of
-// docs/results/h200.md that it was measured on, and the chips it holds for. A value here changes the speed,
+// Every threshold of the GPU half that was chosen by measuring: what it decides, the row of a table in
+// docs/experiments that it was measured on, and the chips it holds for. A value here changes the speed,
 // and some change the order of the list; none changes which contacts are found. What follows from the
 // hardware or from an algorithm's limits stands beside the code.
 #pragma once
@@ -19,7 +19,7 @@ inline constexpr std::uint64_t kStagedCopy = 32 << 20, kCopyBlock = 2 << 20;
 inline constexpr int kCopyThreads = 8, kCopyBlocks = 2;
 
 // ---- The order of the spheres ----
-// Rows: "Designs tried", part "order" or as named. All were measured on an H200 (132 processors, 227 KB of
+// Rows: docs/experiments/order.md, or the page named. All were measured on an H200 (132 processors, 227 KB of
 // shared memory a block, 50 MB of L2). What another chip would move is said with each.
 
 // Below so many spheres a counting sort over bins; from here on through buckets. Row "counting sort over
@@ -28,18 +28,18 @@ inline constexpr int kCopyThreads = 8, kCopyBlocks = 2;
 inline constexpr std::uint32_t kFewSpheres = 1u << 18;
 
 // In any order the host asks once in so many calls whether fewer bins would do, for which it plans all
-// levels. Row "in any order the host asks in each call" (part "levels"): in each call that took up to a third
+// levels. Row "in any order the host asks in each call" (page levels): in each call that took up to a third
 // of a small scene's. The larger it is, the longer a grid stays too large after spheres have drawn together.
 // Host.
 inline constexpr std::uint64_t kCallsOfGrid = 16;
 
 // Where spheres outgrow the buckets of the call before twice within so many calls, so many calls count what
-// each bucket needs. Row "buckets that spheres outgrow in each call" (part "calls"): to put a million spheres
+// each bucket needs. Row "buckets that spheres outgrow in each call" (page calls): to put a million spheres
 // in order twice costs 45 us, to count them 10. Host.
 inline constexpr int kSeldomOutgrown = 5, kCallsCounted = 32;
 
 // After a call of stable order whose grid is another than that of the call before, so many calls also foresee
-// the grid of spheres that go on. Row "a stable order guesses its grid" (part "calls"): a guess costs 0.7 us
+// the grid of spheres that go on. Row "a stable order guesses its grid" (page calls): a guess costs 0.7 us
 // on the host, with radii of 1:100 3 us. Host.
 inline constexpr int kCallsGuessed = 16;
 
@@ -75,19 +75,19 @@ inline constexpr int kPortionItems = 8;
 inline constexpr int kMostMerge = 3;
 inline constexpr double kEntriesASphere = 0.75;
 
-// A bin is divided along x into so many, where bins hold more than kFullBin spheres on average. Row, part
-// "search", "bins along x halved; quartered". Any chip: fewer candidates are tested.
+// A bin is divided along x into so many, where bins hold more than kFullBin spheres on average. Row, page
+// search, "bins along x halved; quartered". Any chip: fewer candidates are tested.
 inline constexpr std::uint32_t kFineBins = 4;
 inline constexpr double kFullBin = 4.0;
 
 // Stable order by cells: sphere numbers for which each table entry has places of its own, before others go to
-// a list. Row, part "fixed order", "numbers of a bin: a chain for each entry; 16 places; 8 places where
+// a list. Row, page stable_order, "numbers of a bin: a chain for each entry; 16 places; 8 places where
 // tickets are taken". Any chip.
 inline constexpr std::uint32_t kNumbersOfEntry = 8;
 
 // ---- Bounds ----
-// Blocks a processor that gather the bounds of each octave. Row, part "levels", "sizes by octave in shared
-// memory; registers for two octaves; …". Bounded by registers (48 a thread).
+// Blocks a processor that gather the bounds of each octave. Row, page levels, "sizes by octave in shared
+// memory; registers for two octaves". Bounded by registers (48 a thread).
 inline constexpr int kOctaveBlocks = 5;
 
 // ---- Bodies ----
@@ -149,7 +149,7 @@ inline constexpr double kSmallGroups = 0.55;
 inline constexpr int kNarrowPhaseBlocks = 6, kWriteBlocks = 8, kSumAndWriteBlocks = 2;
 
 // ---- Search and output ----
-// Rows: "Designs tried" or as named, with the scene. All were measured on the same H200 and on no other chip.
+// Rows: docs/experiments, with the scene. All were measured on the same H200 and on no other chip.
 // Numbers of blocks hold for chips with 64 K registers a processor (8.0 to 9.0); where a processor has less
 // shared memory, or an L1 cache half as large (8.6, 8.9), fewer are better or run. Numbers of spheres and of
 // tiles grow with the number of processors. Values marked "Order." decide how work is divided among
@@ -167,13 +167,13 @@ constexpr int at_most_resident(int blocks, int threads) {
   return blocks * threads <= kThreadsOfProcessor ? blocks : kThreadsOfProcessor / threads;
 }
 
-// Blocks of 128 threads. Row "32, 36, 40 warps a processor", part search: dense 2e7 1.92, 1.98, 1.83 ms. Few
+// Blocks of 128 threads. Row "32, 36, 40 warps a processor", page search: dense 2e7 1.92, 1.98, 1.83 ms. Few
 // registers and many warps pay.
 inline constexpr int kOneLevelBlocks = 10;
 // The kernel for few tiles has more registers a thread instead of more blocks. Row "few tiles: all rows asked
 // for at once".
 inline constexpr int kFewTilesBlocks = 8;
-// Row "float alone judges in the hot loop; 32, 36, 40 warps": poly100 5e6 1.320, 1.294, 1.275 ms.
+// Row "float alone decides in the hot loop; 32, 36, 40 warps": poly100 5e6 1.320, 1.294, 1.275 ms.
 inline constexpr int kSeveralLevelsBlocks = 10;
 // Row "the same with 8, 9, 10 blocks a processor": poly100 5e6 0.994, 0.991, 1.012 ms. More leave too little
 // of the L1 cache.
@@ -185,7 +185,7 @@ inline constexpr int kMoveBlocks = 5, kFusedMoveBlocks = at_most_resident(7, 256
 
 // Contacts that a warp's queue in shared memory holds. A warp that finds more searches twice. Rows of `bench
 // scenes`, 1e6, with 256 and 512: clump 0.166, 0.116 ms; walk 0.148, 0.140; dense the same. The second is the
-// "longer queue" of the row "units of 128 hits of a usual sphere", the third has no row.
+// "longer queue" of the row "work units of 128 contacts of a usual sphere", the third has no row.
 inline constexpr std::uint32_t kSameLevelQueue = 512, kUnitQueue = 320;
 
 // Up to this many tiles a processor, one dense level has a kernel of its own, in which latency is all. Row
@@ -200,7 +200,7 @@ inline constexpr std::uint32_t kMostOrderedTiles = 1056;
 // (search/long_rows.h): with more than kLongRow candidates, among those of 32 spheres at their own level; and
 // with more than kLongRowOfUnit from where on a unit has had more than kLongUnit (fused search:
 // kFusedLongUnit) candidates. A part of a row has kRowPart candidates at most, and so many blocks a processor
-// search them. Row, part "search", "long rows". Order.
+// search them. Row, page search, "long rows". Order.
 inline constexpr std::uint32_t kLongRow = 64, kLongRowOfUnit = 16, kRowPart = 512;
 inline constexpr std::uint32_t kLongUnit = 4096, kFusedLongUnit = 12288;
 inline constexpr int kLongRowBlocks = 8;
@@ -209,24 +209,24 @@ inline constexpr int kLongRowBlocks = 8;
 inline constexpr std::uint64_t kMostRowParts = 1 << 22;
 
 // From this many spheres on, a warp of the search of several levels takes units as long as there are any, and
-// units have quotas. Row "a unit has a share by the volume it reaches into": poly100 5e6 1.65 to 1.39 ms.
+// units have quotas. Row "a work unit has a quota by the volume it reaches into": poly100 5e6 1.65, 1.39 ms.
 // Order.
 inline constexpr std::uint64_t kManySpheres = 300000;
 // Units that a warp of that search takes one after the other. Row "1, 2, 3, 4 units a warp": poly100
 // 5e6 1.59, 1.49, 1.46, 1.49 ms.
 inline constexpr std::uint32_t kWarpUnits = 3;
-// Contacts that a unit of several spheres, or a part of one sphere's rows, is planned to find. Rows "units of
-// 128 hits of a usual sphere" and "parts of 100, 130, 160, 200 hits": poly100 5e6 1.49, 1.47, 1.49, 1.53 ms.
-// The fused search divides nothing but its work by units, so they are larger; no row. Order.
+// Contacts that a unit of several spheres, or a part of one sphere's rows, is planned to find. Rows "work
+// units of 128 contacts of a usual sphere", "parts of 100, 130, 160, 200 contacts": 1.49, 1.47, 1.49, 1.53
+// ms. The fused search divides nothing but its work by units, so they are larger; no row. Order.
 inline constexpr double kUnitContacts = 128, kPartContacts = 130;
 inline constexpr double kFusedUnitContacts = 500, kFusedPartContacts = 1000;
 // Rows of bins that a unit looks at, at most. No row; it bounds the time of a unit where the finer level is
 // nearly empty. Order.
 inline constexpr double kUnitRows = 2048;
 
-// From this many spheres on, levels are searched by the fused kernel. Row "the flow from 140,000 instead of
-// 300,000 spheres on; from 50,000": poly100 1.5e5 0.094 to 0.081 ms, 2e5 0.102 to 0.084; 1e5 0.061 to 0.073.
-// Order.
+// From this many spheres on, levels are searched by the fused kernel. Row "fused levels from 140,000
+// spheres on, not 300,000; from 50,000": poly100 1.5e5 0.094 to 0.081 ms, 2e5 0.102 to 0.084; 1e5 0.061 to
+// 0.073. Order.
 inline constexpr std::uint64_t kFusedSpheres = 140000;
 // The order in which the fused search takes its work (fused_work.h): in 2^bits rounds; of fewer spheres than
 // the last two numbers largest spheres first, and then a stable list in 2^bits rounds. Rows "items in other
