@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Brings the few words that a pass over the device ends with to the host: a kernel writes them there, and the
 // host watches for them. A copy by the copy engine, followed by cudaStreamSynchronize, ends on a beat of 8 us
-// on the machines measured (docs/results/h200.md), which is a quarter of a small pass. Only .cu files include
+// on the machines measured (docs/experiments/calls.md), a quarter of a small pass. Only .cu files include
 // this.
 #pragma once
 #include "detect/cuda/device/memory.h"
