@@ -135,9 +135,9 @@ class Surface {
   const Box& bounds() const { return bounds_; }
 
  private:
-  // A triangle of the tree's, prepared for distances. Balls touch the inside of a cylinder along a circle:
-  // hundreds of triangles are about as near then, and the distance from their plane tells of nearly all of
-  // them that they are not the nearest.
+  // A triangle of the tree, prepared for distances. A ball may touch the inside of a cylinder along a circle,
+  // where hundreds of triangles are about as near. The distance from its plane, which is cheap, rules out
+  // nearly all of them.
   struct Slot {
     Point a;
     Vector ab, ac;

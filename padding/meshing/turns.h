@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Which triangles, or pieces, are to be turned so that all that hang together face alike.
+// Finds which triangles, or pieces of them, must be turned so that all that are joined face alike.
 #pragma once
 #include <algorithm>
 #include <cstdint>
@@ -10,11 +10,11 @@
 
 namespace padder {
 
-// Things that are joined, triangles or pieces of them, and which are turned against the first of theirs.
+// A forest of joined things (union-find) in which each knows whether it faces against its root.
 class Turns {
  public:
   explicit Turns(std::size_t count) : parent_(numbered(count)), turned_(count, 0) {}
-  // The first one of k's, and whether k is turned against it.
+  // The root of k, and whether k is turned against it.
   std::pair<std::uint32_t, bool> root(std::uint32_t k) {
     bool turned = false;
     while (parent_[k] != k) {  // shortens the way for later calls, as root_of does

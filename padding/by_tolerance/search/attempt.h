@@ -23,8 +23,8 @@ struct Attempt {
   // needs them.
   void solve(double steps);
 
-  // Makes the next problem: what was tried, or the chosen balls alone where that is too much, and new balls
-  // at so many places around each chosen one. With 0 places it only drops what is too much.
+  // Adds candidates at so many places around each chosen ball. Those that were tried before stay, unless they
+  // have become too many: then all but the chosen ones are dropped first.
   void try_places(const BallGrower& grower, int places);
 
   // Covers the points that are open by moving the balls around them, and adds a ball only where that fails:

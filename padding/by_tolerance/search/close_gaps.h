@@ -12,10 +12,10 @@ namespace padder {
 // so. The last only add, so that they end.
 inline constexpr int kSearchedRounds = 5;
 
-// Makes the spots that the certificate finds points to cover, until it finds none. Returns the
-// worst that stays open, if one does. In each searched round, the search makes `steps` exchanges for each
-// ball and tries so many places around each; with 0 balls are only added. `also`, if there is one, gets the
-// same points and balls.
+// The certificate finds spots that the balls leave open. These become points to cover, until it finds none.
+// Returns the worst that stays open, if one does. In each searched round, the search makes `steps` exchanges
+// for each ball and tries so many `places` around each; with 0 places, balls are only added. `also`, unless
+// it is null, gets the same points and candidates.
 OpenSpot close_gaps(Attempt& attempt, const BallGrower& grower, double steps, int places, Watch& watch,
                     CoverProblem* also);
 

@@ -25,9 +25,9 @@ struct CoveredPart {
 
 }  // namespace
 
-// Numbers the points from `first` on in the order of their tree: points that one ball covers then lie side by
-// side in memory, which saves much time. Many small trees would cost more than one, and so would building the
-// tree of the first points again: all later ones become one.
+// Builds a tree over the points from `first` on and numbers them in its order: points that one ball covers
+// then lie side by side in memory, which saves much time. Many small trees would cost more than one. So when
+// there are several, all but the large first one are built again as one; its points keep their numbers.
 void CoverProblem::add_group(std::size_t first) {
   constexpr std::size_t most_groups = 4;
   const bool one = groups_.size() == most_groups;
