@@ -52,9 +52,7 @@ struct Part {
   Box box;
   double volume = 0;
 };
-Part part_of(const MakeOptions& o, const char* hint) {
-  if (o.cluster.empty())
-    throw Error(std::string("this scene is made of a padded part: name it with --cluster (") + hint + ")");
+Part part_of(const MakeOptions& o) {
   Part p{read_cluster(o.cluster), {}, 0};
   if (p.cluster.unit != "m" && !p.cluster.unit.empty())
     throw Error(o.cluster.string() + ": the scene is in metres, and the cluster in " + p.cluster.unit +
@@ -69,7 +67,7 @@ Part part_of(const MakeOptions& o, const char* hint) {
 // A light ball above a bed of padded bodies in a cylinder. The bed is about half as deep as wide, and at most
 // 30 bodies deep: a deeper one takes as many times more steps to come to rest.
 OrderedJson ball(const MakeOptions& o, const std::filesystem::path& folder) {
-  const Part part = part_of(o, "pad assets/grain.obj --unit m");
+  const Part part = part_of(o);
   OrderedJson scene = start("ball");
   scene["clusters"] = {
       {"grain", std::filesystem::relative(o.cluster, folder.empty() ? "." : folder).string()}};
@@ -102,7 +100,7 @@ OrderedJson ball(const MakeOptions& o, const std::filesystem::path& folder) {
 // ends of a pin hold its neighbours as a hinge does. Five shoes in one track; much gravel gets two tracks
 // that are as long as a bed ten grains deep can bear.
 OrderedJson track(const MakeOptions& o, const std::filesystem::path& folder) {
-  const Part part = part_of(o, "pad assets/track_shoe.obj --unit m");
+  const Part part = part_of(o);
   OrderedJson scene = start("track");
   scene["clusters"] = {
       {"shoe", std::filesystem::relative(o.cluster, folder.empty() ? "." : folder).string()}};
@@ -180,15 +178,9 @@ const std::vector<std::string>& scene_makers() {
 
 std::string make_scene(const std::string& name, const MakeOptions& options,
                        const std::filesystem::path& folder) {
-  OrderedJson scene;
-  if (name == "silo")
-    scene = silo(options);
-  else if (name == "ball")
-    scene = ball(options, folder);
-  else if (name == "track")
-    scene = track(options, folder);
-  else
-    throw Error("there is no scene \"" + name + "\": silo, ball and track are there");
+  const OrderedJson scene = name == "silo"   ? silo(options)
+                            : name == "ball" ? ball(options, folder)
+                                             : track(options, folder);
   return scene.dump(1) + "\n";
 }
 

@@ -11,15 +11,15 @@ namespace padder::settle {
 
 struct MakeOptions {
   std::uint64_t count = 2000;     // grains (silo, track) or bodies (ball)
-  std::filesystem::path cluster;  // of the bodies: ball, track
+  std::filesystem::path cluster;  // of the bodies: ball, track, which need one
   std::uint64_t seed = 1;
 };
 
 // The names that make_scene() knows.
 const std::vector<std::string>& scene_makers();
 
-// `folder`: where the scene will be, because it names its cluster relative to it. Throws Error for an unknown
-// name, and where a cluster is missing or has no mass.
+// `name`: one of these. `folder`: where the scene will be, because it names its cluster relative to it.
+// Throws Error where the cluster cannot be read or has no mass.
 std::string make_scene(const std::string& name, const MakeOptions& options,
                        const std::filesystem::path& folder);
 
