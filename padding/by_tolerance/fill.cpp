@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "padding/by_tolerance/cube.h"
 #include "padding/by_tolerance/search/set_cover.h"
 #include "padding/geometry/indices.h"
 
@@ -13,14 +14,6 @@ namespace {
 // A cell is cut until it is this much smaller than the ball that could fill it: a hollow is then met by few
 // cells, and most places where only several balls together cover a cell are told from one.
 constexpr double kSmallestCell = 1.0 / 32;
-
-// A cube.
-struct Cell {
-  Point center;
-  double half;  // of its edge
-
-  double radius() const { return std::sqrt(3.0) * half; }  // of the ball around it
-};
 
 enum class Verdict { done, cut, fill, open };
 
@@ -34,7 +27,7 @@ class Fill {
     if (!surface_.closed() || surface_.hull() || !(options_.depth > 0) || !(options_.protrusion > 0))
       return filled;
     const Box box = surface_.bounds();
-    std::vector<Cell> level = {{box.center(), 0.5 * (box.high - box.low).maxCoeff()}}, next, hollow;
+    std::vector<Cube> level = {{box.center(), 0.5 * (box.high - box.low).maxCoeff()}}, next, hollow;
     std::vector<Ball> fills;
     filled.covered = true;
     while (!level.empty()) {
@@ -47,7 +40,7 @@ class Fill {
         if (verdicts[k] == Verdict::open) filled.covered = false;
         if (verdicts[k] == Verdict::fill) hollow.push_back(level[k]), fills.push_back(offers[k]);
         if (verdicts[k] == Verdict::cut)
-          for (int corner = 0; corner < 8; corner++) next.push_back(eighth(level[k], corner));
+          for (int corner = 0; corner < 8; corner++) next.push_back(level[k].eighth(corner));
       }
       level.swap(next);
     }
@@ -59,14 +52,8 @@ class Fill {
   }
 
  private:
-  static Cell eighth(const Cell& cell, int corner) {
-    const double half = 0.5 * cell.half;
-    const Vector step((corner & 1) ? half : -half, (corner & 2) ? half : -half, (corner & 4) ? half : -half);
-    return {cell.center + step, half};
-  }
-
   // `offer` becomes the ball that fills the cell, where it must be filled.
-  Verdict look(const Cell& cell, Ball& offer) const {
+  Verdict look(const Cube& cell, Ball& offer) const {
     const Point& c = cell.center;
     const double radius = cell.radius();
     // The ball whose sphere is the farthest from the centre is the one most likely to hold the cell.
@@ -88,14 +75,14 @@ class Fill {
   }
 
   // Also once the ball is moved?
-  bool holds(const Ball& ball, const Cell& cell) const {
+  bool holds(const Ball& ball, const Cube& cell) const {
     const Vector far = (cell.center - ball.center).cwiseAbs() + Vector::Constant(cell.half);
     return far.norm() <= ball.radius - options_.moved;
   }
 
   // A few of the fills that together hold all hollow cells. The largest come first, and each makes those
   // needless whose cells it holds; of the ones that are left, a greedy choice drops some more.
-  std::vector<std::uint32_t> few(const std::vector<Cell>& hollow, const std::vector<Ball>& fills) const {
+  std::vector<std::uint32_t> few(const std::vector<Cube>& hollow, const std::vector<Ball>& fills) const {
     std::vector<std::uint32_t> order = numbered(fills.size()), taken, cells;
     std::stable_sort(order.begin(), order.end(),
                      [&](auto a, auto b) { return fills[a].radius > fills[b].radius; });

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "padding/asset/error.h"
+#include "padding/by_tolerance/cube.h"
 #include "padding/by_tolerance/search/samples.h"
 #include "padding/by_tolerance/search/set_cover.h"
 #include "padding/geometry/point_tree.h"
@@ -86,11 +87,9 @@ class Packing {
 };
 
 // A box of places for a centre.
-struct CenterBox {
+struct CenterBox : Cube {
   static constexpr std::size_t kMostWitnesses = 12;
 
-  Point center;
-  double half = 0;                                 // of its edge
   double reach = 0;                                // of a ball at the centre
   double most = 0;                                 // no ball with its centre in the box gathers more
   std::array<Point, kMostWitnesses> witness = {};  // points of the surface
@@ -166,7 +165,7 @@ class LowerBound {
   // vector towards a point at a distance of at least a - t turns by at most 2 t / (2 a - t) when its foot is
   // moved by t.
   bool may_cover(const CenterBox& box, const Point& x) const {
-    const double radius = std::sqrt(3.0) * box.half, limit = farthest_ * (1 + kRounding);
+    const double radius = box.radius(), limit = farthest_ * (1 + kRounding);
     const Vector to_x = x - box.center;
     const double a = to_x.norm();
     for (std::size_t k = 0; k < box.witnesses; k++) {
@@ -183,7 +182,7 @@ class LowerBound {
   // The points that a ball with its centre somewhere in the box may cover. The reach of such a ball differs
   // from that in the middle by no more than its centre does.
   void find(const CenterBox& box, std::vector<std::uint32_t>& found) const {
-    const double radius = std::sqrt(3.0) * box.half;
+    const double radius = box.radius();
     const double reach = (box.reach + radius) * (1 + kRounding) + kRounding * tolerance_sum_;
     found.clear();
     if (!(reach >= 0)) return;
@@ -259,13 +258,9 @@ class LowerBound {
   }
 
   static void cut(const CenterBox& box, std::vector<CenterBox>& parts) {
-    const double half = 0.5 * box.half;
     for (int corner = 0; corner < 8; corner++) {
-      CenterBox part = box;
-      part.center +=
-          Vector((corner & 1) ? half : -half, (corner & 2) ? half : -half, (corner & 4) ? half : -half);
-      part.half = half;
-      parts.push_back(part);
+      CenterBox& part = parts.emplace_back(box);
+      static_cast<Cube&>(part) = box.eighth(corner);
     }
   }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
 #include "padding/by_tolerance/search/room.h"
 
-#include <cmath>
 #include <vector>
+
+#include "padding/by_tolerance/cube.h"
 
 namespace padder {
 namespace {
@@ -10,12 +11,8 @@ namespace {
 constexpr double kSmallestCube = 1.0 / 8;  // its radius as a share of the balls'
 constexpr std::size_t kMostCubes = 2'000;  // that are cut
 
-struct Cube {
-  Point center;
-  double half;      // of its edge
-  double distance;  // of its centre to the surface
-
-  double radius() const { return std::sqrt(3.0) * half; }  // of the ball around it
+struct MeasuredCube : Cube {
+  double distance = 0;  // of its centre to the surface
 };
 
 }  // namespace
@@ -26,7 +23,7 @@ struct Cube {
 Room::Room(const Surface& surface, double radius)
     : known_(radius > 0 && surface.closed() && !(surface.half_thickness() > 0)) {
   if (!known_) return;
-  const auto may_hold = [&](Cube& cube) {
+  const auto may_hold = [&](MeasuredCube& cube) {
     cube.distance = surface.clearance(cube.center).distance;
     if (cube.distance + cube.radius() < radius) return false;
     if (cube.distance <= cube.radius() || surface.signed_nearest(cube.center).inside) return true;
@@ -34,21 +31,17 @@ Room::Room(const Surface& surface, double radius)
     return !winding || *winding > 0;  // all of the cube is on one side
   };
   const Box box = surface.bounds();
-  std::vector<Cube> cubes = {{box.center(), 0.5 * (box.high - box.low).maxCoeff(), 0}}, next;
+  std::vector<MeasuredCube> cubes = {{{box.center(), 0.5 * (box.high - box.low).maxCoeff()}}}, next;
   if (!may_hold(cubes[0])) cubes.clear();
   while (!cubes.empty() && cubes.size() <= kMostCubes && cubes[0].radius() > kSmallestCube * radius) {
     next.clear();
-    for (const Cube& cube : cubes)
-      for (int corner = 0; corner < 8; corner++) {
-        const double half = 0.5 * cube.half;
-        const Vector step((corner & 1) ? half : -half, (corner & 2) ? half : -half,
-                          (corner & 4) ? half : -half);
-        if (Cube eighth{cube.center + step, half, 0}; may_hold(eighth)) next.push_back(eighth);
-      }
+    for (const MeasuredCube& cube : cubes)
+      for (int corner = 0; corner < 8; corner++)
+        if (MeasuredCube eighth{cube.eighth(corner)}; may_hold(eighth)) next.push_back(eighth);
     cubes.swap(next);
   }
   std::vector<Ball> reach;
-  for (const Cube& cube : cubes) reach.push_back({cube.center, cube.distance + 2 * cube.radius()});
+  for (const MeasuredCube& cube : cubes) reach.push_back({cube.center, cube.distance + 2 * cube.radius()});
   reach_ = BallSet(std::move(reach));
 }
 
