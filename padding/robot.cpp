@@ -348,7 +348,7 @@ PaddedRobot pad_robot(const fs::path& path, RobotTree robot, const PadOptions& a
                  mass = stated > 0 ? stated : robot.links[k].density * c.mass.volume;
     if (mass > 0) robot.model.bodies[k].inertial = inertial_for(c, mass);
   }
-  for (Apart& pair : self_collisions(robot.model, {.poses = whole.poses})) robot.model.apart.push_back(pair);
+  for (Apart& pair : self_collisions(robot.model, whole.poses)) robot.model.apart.push_back(pair);
   out.model = std::move(robot.model);
   return out;
 }

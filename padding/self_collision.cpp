@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kAlways = 0.95;  // of all poses, as MoveIt's setup has it
 constexpr int kBlock = 256;       // poses between two looks at which pairs are decided
+constexpr std::uint64_t kSeed = 1000003;
 
 // A body's spheres and the ball around them, in its own frame.
 struct Part {
@@ -96,7 +97,7 @@ struct Pair {
 
 }  // namespace
 
-std::vector<Apart> self_collisions(const Model& model, const SelfCollisionOptions& options) {
+std::vector<Apart> self_collisions(const Model& model, int poses) {
   std::set<std::pair<std::size_t, std::size_t>> known;
   for (const Apart& p : model.apart) known.insert({std::min(p.a, p.b), std::max(p.a, p.b)});
   std::vector<Part> parts;
@@ -117,23 +118,21 @@ std::vector<Apart> self_collisions(const Model& model, const SelfCollisionOption
       out.push_back({pair.a, pair.b, "Default"}), pair.decided = true;
   const std::vector<std::size_t> tried = parts_of(model, is_not_tried);
   for (Pair& pair : pairs) pair.decided |= tried[pair.a] != tried[pair.b];
-  const int most_misses = static_cast<int>((1 - kAlways) * options.poses);
-  for (int begin = 0; begin < options.poses; begin += kBlock) {
-    const int end = std::min(begin + kBlock, options.poses);
-    std::vector<std::vector<Eigen::Isometry3d>> poses(static_cast<std::size_t>(end - begin));
+  const int most_misses = static_cast<int>((1 - kAlways) * poses);
+  for (int begin = 0; begin < poses; begin += kBlock) {
+    const int end = std::min(begin + kBlock, poses);
+    std::vector<std::vector<Eigen::Isometry3d>> block;
     for (int k = begin; k < end; k++)
-      poses[static_cast<std::size_t>(k - begin)] =
-          poses_at(model, random_values(model, options.seed * 1000003 + static_cast<std::uint64_t>(k)));
+      block.push_back(poses_at(model, random_values(model, kSeed + static_cast<std::uint64_t>(k))));
 #pragma omp parallel for schedule(dynamic, 1)
     for (std::size_t p = 0; p < pairs.size(); p++) {
       if (pairs[p].decided) continue;
-      for (const auto& pose : poses) pairs[p].hits += meets(pairs[p], pose);
+      for (const auto& pose : block) pairs[p].hits += meets(pairs[p], pose);
       if (pairs[p].hits > 0 && end - pairs[p].hits > most_misses) pairs[p].decided = true;
     }
   }
   for (const Pair& pair : pairs)
-    if (!pair.decided && options.poses > 0)
-      out.push_back({pair.a, pair.b, pair.hits > 0 ? "Always" : "Never"});
+    if (!pair.decided && poses > 0) out.push_back({pair.a, pair.b, pair.hits > 0 ? "Always" : "Never"});
   std::sort(out.begin(), out.end(),
             [](const Apart& p, const Apart& q) { return std::pair(p.a, p.b) < std::pair(q.a, q.b); });
   return out;

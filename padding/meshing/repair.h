@@ -41,7 +41,6 @@ struct RepairOptions {
   double accuracy = 0;  // error asked for, which a wrap must not spoil; 0: diagonal/500
   // Radius of the ball that a wrap keeps out; 0: 2.75 times the accuracy, from diagonal/400 to diagonal/150.
   double alpha = 0;
-  double offset = 0;     // of a wrap from the input; 0: a third of the accuracy, at most diagonal/1500
   double thickness = 0;  // of sheets, half on either side; 0: their spheres stand out by the protrusion alone
   bool below_terrain = false;  // a sheet that all faces one way is solid below its normals, as far as known
   // Where more pairs of triangles cross, or three triangles at more places, they are not cut apart:

@@ -28,9 +28,8 @@ Repaired wrap(const Soup& soup, const RepairOptions& options, double diagonal, c
   Repaired out;
   out.kind = BodyKind::wrap;
   out.alpha = wrap_alpha(options, diagonal);
-  out.offset =
-      options.offset > 0 ? options.offset : std::min(accuracy_of(options, diagonal) / 3, diagonal / 1500);
-  if (options.tolerance > 0) out.offset = options.tolerance / 8;
+  out.offset = options.tolerance > 0 ? options.tolerance / 8
+                                     : std::min(accuracy_of(options, diagonal) / 3, diagonal / 1500);
   // CGAL comes to no end with an offset that rounding drowns.
   out.offset = std::max(out.offset, 1e-9 * diagonal);
   std::vector<std::array<std::size_t, 3>> triangles;

@@ -18,6 +18,9 @@ constexpr double kSmallestShare = 1e-9;
 // edge cannot have its centre inside.
 constexpr double kOnSurface = 1e-6;
 
+// By so much the two bounds of the largest gap may differ, as a share of it.
+constexpr double kGapShare = 1e-3;
+
 double bound_by(const Ball& ball, const GapPart& part) {
   double far2 = 0;
   for (const Point& p : part.corner) far2 = std::max(far2, (p - ball.center).squaredNorm());
@@ -58,25 +61,23 @@ bool has_centre_inside(const Surface& surface, const Ball& ball) {
 ProtrusionBound protrusion_bound(const Surface& surface, const std::vector<Ball>& balls) {
   ProtrusionBound bound;
   bound.proved = surface.closed();
-  bound.each.resize(balls.size());
+  double max = bound.max;
   std::size_t outside = 0;
-#pragma omp parallel for schedule(dynamic, 16) if (balls.size() > 64) reduction(+ : outside)
+#pragma omp parallel for schedule(dynamic, 16) if (balls.size() > 64) reduction(+ : outside) reduction(max : max)
   for (std::size_t k = 0; k < balls.size(); k++) {
     const Ball& ball = balls[k];
     const double distance =
         bound.proved ? surface.certified_distance(ball.center) : surface.signed_nearest(ball.center).distance;
-    bound.each[k] = ball.radius + distance;
+    max = std::max(max, ball.radius + distance);
     outside += is_outside(surface, ball, distance);
   }
-  bound.outside = outside;
-  for (std::size_t k = 0; k < balls.size(); k++)
-    if (bound.each[k] > bound.max) bound.max = bound.each[k], bound.ball = static_cast<std::uint32_t>(k);
+  bound.max = max, bound.outside = outside;
   return bound;
 }
 
 // Goes breadth first, one round of bisection at a time. What a round prunes depends only on the rounds before
 // it, so the result does not depend on the number of threads.
-GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double relative) {
+GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor) {
   const double least = std::min(floor, 0.0);
   GapBound best{.upper = least, .lower = least};
   const std::size_t n = mesh.triangles.size();
@@ -101,10 +102,9 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
     return part.bound > enough;
   };
   // Below the floor nothing is added, so that a gap just below a tolerance is proved to keep it.
-  const auto settled = [&](double x) { return x <= floor ? floor : x + std::abs(x) * relative; };
+  const auto settled = [&](double x) { return x <= floor ? floor : x + std::abs(x) * kGapShare; };
   const auto improve = [&](const GapPart& part) {
-    if (part.value > best.lower)
-      best.lower = part.value, best.point = part.point, best.triangle = part.triangle;
+    if (part.value > best.lower) best.lower = part.value, best.point = part.point;
   };
 
   std::vector<GapPart> level, next;
@@ -159,14 +159,14 @@ GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor, double 
 
 namespace {
 
-// For each cell of a grid the ball that proved a part there last, and the parts that no ball proved. Of many
-// slivers side by side, each is cut into many parts that the same balls prove, or none.
+// What was found last in each cell of a grid: the ball that proved a part there, and the parts that no ball
+// proved. Slivers side by side are cut into many parts, and what holds for one holds for those beside it.
 class LastProofs {
  public:
   explicit LastProofs(double cell) : cell_(cell), ball_(4096, 0), open_(4096, 0) {}
   std::uint32_t& at(const Point& x) { return ball_[hash(x, cell_, 0) >> 52]; }
 
-  // Was a part of this size at this place, both to a quarter, found open last?
+  // Was the last part of about this size and place found open? Size and place count to a quarter.
   bool was_open(const Point& x, double size) const {
     const std::uint64_t h = hash_of_part(x, size);
     return open_[h >> 52] == h;

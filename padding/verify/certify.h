@@ -17,9 +17,7 @@ namespace padder {
 // negative for a ball that stays below the surface.
 struct ProtrusionBound {
   double max = -std::numeric_limits<double>::infinity();  // over all balls
-  std::uint32_t ball = 0;                                 // the ball that has it
-  std::vector<double> each;                               // for each ball
-  bool proved = false;  // false for an open surface: it has no inside, so `each` is only an estimate
+  bool proved = false;  // false for an open surface: it has no inside, so `max` is only an estimate
   // The number of balls whose centre lies outside the body. There are none in a sound cluster: either the
   // surface faces inward there, or the ball was made for another body.
   std::size_t outside = 0;
@@ -46,16 +44,15 @@ struct GapBound {
   double upper = 0;  // proved: no point lies farther out; the floor when all lies so far inside the union
   double lower = 0;  // attained at `point`, where it is above 0 and the floor
   Point point = Point::Zero();
-  std::uint32_t triangle = 0;  // that the point lies on
 };
 
 // Branch and bound. The signed gap to one ball is a convex function, so its largest value over a part of a
 // triangle is at a corner. The ball nearest to the centroid thus gives a bound for the part. Parts are
-// bisected until upper <= floor or, where lower is above the floor, upper <= lower * (1 + relative). `floor`
-// says up to which size gaps need not be told apart: a tolerance, or 0 for the true maximum; one below 0 asks
-// how deep inside the union the surface lies, up to so much. Always upper >= lower. An empty union has an
+// bisected until upper <= floor or, where lower is above the floor, upper <= 1.001 * lower. `floor` says up
+// to which size gaps need not be told apart: a tolerance, or 0 for the true maximum; one below 0 asks how
+// deep inside the union the surface lies, up to so much. Always upper >= lower. An empty union has an
 // infinite gap. Runs on all threads; the result does not depend on their number.
-GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor = 0, double relative = 1e-3);
+GapBound gap_bound(const Mesh& mesh, const BallSet& balls, double floor = 0);
 
 // Returns the parts of the surface for which the proof that they lie within `bound` failed. An empty answer
 // is the proof for the whole surface. A part is bisected as long as it is larger than `grain`, and below that

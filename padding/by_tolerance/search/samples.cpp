@@ -20,6 +20,8 @@ constexpr std::size_t kMostParts = 20'000'000;  // about 2 GB
 constexpr std::size_t kPartsOfScan = 1'000'000;
 // A mesh with more parts has stacks of sheets: the first in a cell of a part's own size is enough.
 constexpr std::size_t kPartsOfStack = 4'000'000;
+// How densely the places with balls stand, as SampleOptions counts it.
+constexpr double kGrownDensity = 3;
 
 std::string too_small() {
   return "the tolerance is too small for this mesh: its surface would have to be cut into more than " +
@@ -160,9 +162,9 @@ class Sampler {
   std::vector<SamplePart> cut() const {
     const Mesh& mesh = surface_.mesh();
     const double sum = options_.tolerance_sum;
-    const auto wanted = [&](double r) { return part_size(covered_disc(r, sum), options_.grown_density); };
+    const auto wanted = [&](double r) { return part_size(covered_disc(r, sum), kGrownDensity); };
     const auto radius_for = [&](double size) {  // wanted(radius_for(size)) == size
-      const double disc = size / part_size(1, options_.grown_density);
+      const double disc = size / part_size(1, kGrownDensity);
       return 0.5 * (disc * disc / sum - sum);
     };
     const double finest = wanted(0), coarsest = wanted(largest_);
@@ -244,7 +246,7 @@ class Sampler {
         if (gone[batch[k]]) continue;
         const double disc = found[k].disc, apart = found[k].apart;
         grown.push_back({near.point(batch[k]), parts[batch[k]].triangle, found[k].ball});
-        near.visit(batch[k], 0.5 * (1 + apart) * disc / options_.grown_density, apart > 1, [&](auto other) {
+        near.visit(batch[k], 0.5 * (1 + apart) * disc / kGrownDensity, apart > 1, [&](auto other) {
           if (!gone[other]) gone[other] = 1, parts[other].disc = disc, parts[other].apart = apart;
         });
       }
@@ -262,7 +264,7 @@ class Sampler {
   Grown grow_on(const SamplePart& part, const Neighbours& near, std::uint32_t place) const {
     const Ball ball = ball_at(part, largest_);
     const double disc = covered_disc(ball.radius, options_.tolerance_sum);
-    const bool dense = near.crowd(place, disc / options_.grown_density);
+    const bool dense = near.crowd(place, disc / kGrownDensity);
     const bool crowd = dense || (disc < 2 * options_.tolerance_sum && near.crowd(place, disc));
     return {ball, disc, dense ? 2.0 : crowd ? 1.5 : 1.0};
   }

@@ -36,16 +36,16 @@ struct Samples {
 // How densely to sample. Densities count samples along the radius of the disc that a sphere covers on a flat.
 struct SampleOptions {
   double tolerance_sum = 0;   // protrusion and gap together: so far beyond its medial ball a sphere covers
-  double grown_density = 3;   // of the places with balls
   double coarse_density = 4;  // of the coarse points
   double fine_density = 5;    // of the fine points; at least coarse_density
   double largest = std::numeric_limits<double>::infinity();  // radius of medial balls
 };
 
-// Tells of places that lie in one cell of a grid and face alike the first from the others. What keeps only
-// the first has as many places as the surface has room for, and not as many as it has layers or slivers.
+// Takes one place for each cell of a grid and each direction along an axis that the surface faces there. So a
+// stack of layers, or slivers side by side, give no more places than one surface would.
 class FirstOfCell {
  public:
+  // Is it the first one there?
   bool take(const Point& place, const Vector& normal, double cell);
 
  private:

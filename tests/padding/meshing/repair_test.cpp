@@ -122,7 +122,7 @@ TEST(Repair, ASmallHoleIsClosed) {
 TEST(Repair, AWrapOfAnOpenBoxIsAShell) {
   const Mesh mesh = shapes::without(kCube, [](const Point& p) { return p.z() == 1; });
   EXPECT_EQ(repair(mesh, {}, "open box").kind, BodyKind::sheet);
-  const Repaired r = repair(mesh, {.mode = RepairMode::wrap, .alpha = 0.03, .offset = 0.005}, "open box");
+  const Repaired r = repair(mesh, {.mode = RepairMode::wrap, .tolerance = 0.04}, "open box");
   EXPECT_EQ(r.kind, BodyKind::wrap);
   // The wrap is a shell of five unit walls, a little thicker than twice the offset.
   EXPECT_NEAR(volume(r), 5 * 2 * r.offset, 2 * r.offset);

@@ -53,7 +53,7 @@ TEST(Standoffs, OfAParallelPlateAreItsDistance) {
 TEST(Wrapped, ClosedSlotsHaveTheirWidthAreaAndPlace) {
   const double width = 0.06;
   const Mesh input = slit(width);
-  const Repaired wrap = repair(input, {.mode = RepairMode::wrap, .alpha = 0.1, .offset = 0.005}, "slit");
+  const Repaired wrap = repair(input, {.mode = RepairMode::wrap, .alpha = 0.1}, "slit");
   const auto found = standoffs(wrap.mesh, Surface(input), 0.0005);
   EXPECT_TRUE(closed_slots(wrap.mesh, found, 0.04).empty());
   const auto slots = closed_slots(wrap.mesh, found, 0.02);
