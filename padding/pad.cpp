@@ -14,7 +14,6 @@
 #include "padding/by_tolerance/thin_balls.h"
 #include "padding/geometry/medial.h"
 #include "padding/geometry/unit_frame.h"
-#include "padding/meshing/pieces.h"
 #include "padding/verify/accuracy.h"
 
 namespace padder {
@@ -88,9 +87,9 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
   const std::uint64_t expected = expected_triangles(body.mesh, length);
   constexpr std::uint64_t most = 100'000'000;  // an hour of remeshing
   if (expected > most && !options.force)
-    throw Error("edges of this length would make about " + count_of(expected, "triangle") +
+    throw Error("edges of this length would make about " + counted(expected, "triangle") +
                 ": use a larger --edge-length, or --tolerance; --force (force=True in Python) tries it");
-  step(("remesh to about " + count_of(expected, "triangle")).c_str(), 1);
+  step(("remesh to about " + counted(expected, "triangle")).c_str(), 1);
   RemeshOptions remeshing;
   remeshing.edge_length = length;
   remeshing.sharp_angle = body.kind == BodyKind::wrap ? 180 : options.sharp_angle;
@@ -110,7 +109,7 @@ RungSpheres by_depth(const PadOptions& options, double length, const Repaired& b
 
   step("refit", 3);
   const auto tell = [&](std::size_t open) {
-    step(("refit, " + count_of(open, "part") + " of the surface open").c_str(), 3);
+    step(("refit, " + counted(open, "part") + " of the surface open").c_str(), 3);
   };
   fitted = refit(surface, remeshed.mesh, std::move(fitted), {.tell = tell});
   RungSpheres made;
@@ -180,11 +179,6 @@ struct Asked {
            (a.protrusion_max <= protrusion + rounding && a.gap_max <= gap + rounding);
   }
 };
-
-// "(1, 2, 3)"
-std::string place_text(const Point& p) {
-  return "(" + short_number(p.x(), 4) + ", " + short_number(p.y(), 4) + ", " + short_number(p.z(), 4) + ")";
-}
 
 // What every step works on, in the unit frame.
 struct Job {
@@ -258,7 +252,7 @@ RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& w
 std::string slots_text(const Job& job) {
   const std::vector<ClosedSlot>& slots = job.report.slots;
   const ClosedSlot& widest = slots.front();
-  return "the wrap closes " + count_of(slots.size(), "slot") +
+  return "the wrap closes " + counted(slots.size(), "slot") +
          " wider than twice the tolerance, the widest " + short_number(widest.width, 3) + " at " +
          place_text(widest.place) + ": " +
          (job.options.min_grain_radius.given() ? "a smaller --reach opens them"
@@ -277,7 +271,7 @@ std::string unproved(const Measured& m, std::size_t spheres) {
   if (m.accuracy.proved_against == SurfaceKind::none)
     return "the surface is open and has no inside, so that the protrusion is sampled";
   if (m.outside == 0) return "";
-  return std::to_string(m.outside) + " of " + count_of(spheres, "sphere") +
+  return std::to_string(m.outside) + " of " + counted(spheres, "sphere") +
          " have their centres outside of the body, whose triangles face inward there";
 }
 
@@ -500,7 +494,7 @@ Mesh without_lines(const Mesh& mesh) {
 
 std::string repair_text(const std::string& repair, std::size_t lines) {
   if (lines == 0) return repair;
-  return "dropped " + count_of(lines, "triangle") + " with two corners at one point" +
+  return "dropped " + counted(lines, "triangle") + " with two corners at one point" +
          (repair == "none needed" ? "" : "; " + repair);
 }
 

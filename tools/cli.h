@@ -15,6 +15,7 @@
 #include <iterator>
 #include <memory>
 #include <new>
+#include <nlohmann/json.hpp>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -25,7 +26,6 @@
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
-#include "tools/json_output.h"
 #include "tools/usage.h"
 
 namespace padder::cli {
@@ -110,6 +110,17 @@ inline void set_help(CLI::App& app) {
   for (CLI::App* sub : app.get_subcommands([](CLI::App*) { return true; })) set_help(*sub);
   if (!app.get_parent())
     app.footer("Results go to stdout, talk to stderr. Exit code: 0 done, 1 the work failed, 2 wrong usage.");
+}
+
+// With --json: the document as text. Bytes that are no UTF-8, as the name of a file may have them, are
+// replaced.
+inline void print_json(const nlohmann::ordered_json& document) {
+  std::cout << document.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << std::endl;
+}
+
+// When the work fails. The sentence goes to stderr as well.
+inline void print_failure(const std::string& input, const std::string& error) {
+  print_json({{"input", input}, {"error", error}});
 }
 
 // Throws Error when what was printed could not be written: a full disk must not look like success.

@@ -30,11 +30,6 @@ inline std::string listed(const std::vector<std::string>& words) {
   return out;
 }
 
-// "1 part", "2 parts"; where an s alone does not do, `many` is the word.
-inline std::string counted(std::uint64_t n, const std::string& one, const std::string& many = "") {
-  return std::to_string(n) + ' ' + (n == 1 ? one : many.empty() ? one + 's' : many);
-}
-
 // What an option takes, in words. CLI11 appends the descriptions of its checks to the type name, as in
 // "N:UINT in [1 - 9]", "X:POSITIVE", "AXIS:{x,y,z}", "WHAT:value in {a->1,b->2} OR {1,2}".
 inline std::string taken_by(const CLI::Option& option) {

@@ -4,6 +4,8 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "padding/asset/excerpt.h"
+
 namespace padder {
 
 Box Mesh::bounds() const {
@@ -23,6 +25,22 @@ void Mesh::add(const Mesh& more) {
   const auto first = static_cast<std::uint32_t>(points.size());
   points.insert(points.end(), more.points.begin(), more.points.end());
   for (const auto& t : more.triangles) triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+}
+
+std::string place_text(const Point& p) {
+  return "(" + short_number(p.x(), 4) + ", " + short_number(p.y(), 4) + ", " + short_number(p.z(), 4) + ")";
+}
+
+void Mesh::drop_unused_points() {
+  constexpr std::uint32_t unused = ~0u;
+  std::vector<std::uint32_t> index(points.size(), unused);
+  std::vector<Point> used;
+  for (auto& t : triangles)
+    for (auto& v : t) {
+      if (index[v] == unused) index[v] = static_cast<std::uint32_t>(used.size()), used.push_back(points[v]);
+      v = index[v];
+    }
+  points.swap(used);
 }
 
 MassProperties mass_properties(const Mesh& mesh) {

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <string>
 #include <vector>
 
 namespace padder {
@@ -74,7 +75,10 @@ struct Mesh {
     triangles.push_back({first, first + 1, first + 2});
   }
   void add(const Mesh& more);  // behind the triangles that are there, with points of its own
+  void drop_unused_points();   // the others then stand in the order in which triangles name them
 };
+
+std::string place_text(const Point& p);  // "(1, 2.5, -3)", for sentences: four digits of each
 
 // The mass properties of the solid with density 1, in the mesh's frame and unit.
 struct MassProperties {

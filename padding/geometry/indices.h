@@ -33,6 +33,11 @@ inline std::array<std::uint32_t, 2> ends_of(std::uint64_t edge) {  // the smalle
   return {static_cast<std::uint32_t>(edge >> 32), static_cast<std::uint32_t>(edge)};
 }
 
+// The corner of triangle t that has the vertex v, where corner k of triangle t counts as 3 t + k.
+inline std::uint32_t corner_with(const std::vector<Corners>& triangles, std::uint32_t t, std::uint32_t v) {
+  return 3 * t + (triangles[t][0] == v ? 0 : triangles[t][1] == v ? 1 : 2);
+}
+
 // The root of k in a forest of joined indices (union-find), in which a root is its own parent: numbered(n)
 // has joined none. Shortens the way for later calls.
 inline std::uint32_t root_of(std::vector<std::uint32_t>& parent, std::uint32_t k) {

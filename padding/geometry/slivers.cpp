@@ -12,7 +12,6 @@
 namespace padder {
 namespace {
 
-constexpr std::uint32_t kNone = ~0u;
 constexpr std::uint32_t kFan = 500;  // faces at the tip of a fan; 10,000 take the remesher half a minute
 
 class Collapse {
@@ -228,17 +227,10 @@ class Collapse {
 
   Mesh collect() const {
     Mesh out;
-    std::vector<std::uint32_t> index(mesh_.points.size(), kNone);
-    for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++) {
-      if (!alive_[t]) continue;
-      Corners c = mesh_.triangles[t];
-      for (auto& v : c) {
-        if (index[v] == kNone)
-          index[v] = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(mesh_.points[v]);
-        v = index[v];
-      }
-      out.triangles.push_back(c);
-    }
+    out.points = mesh_.points;
+    for (std::uint32_t t = 0; t < mesh_.triangles.size(); t++)
+      if (alive_[t]) out.triangles.push_back(mesh_.triangles[t]);
+    out.drop_unused_points();
     return out;
   }
 
@@ -296,11 +288,9 @@ Mesh taken_apart(const Mesh& mesh) {
   });
   // Corners that stay together have one root.
   std::vector<std::uint32_t> parent = numbered(3 * mesh.triangles.size());
-  const auto corner = [&](std::uint32_t t, std::uint32_t v) {
-    return 3 * t + (mesh.triangles[t][0] == v ? 0 : mesh.triangles[t][1] == v ? 1 : 2);
-  };
   const auto join_pages = [&](const Page& a, const Page& b) {
-    for (const auto v : ends_of(a.edge)) join(parent, corner(a.triangle, v), corner(b.triangle, v));
+    for (const auto v : ends_of(a.edge))
+      join(parent, corner_with(mesh.triangles, a.triangle, v), corner_with(mesh.triangles, b.triangle, v));
   };
   for (std::size_t k = 0, end; k < pages.size(); k = end) {
     for (end = k; end < pages.size() && pages[end].edge == pages[k].edge;) end++;
@@ -320,17 +310,11 @@ Mesh taken_apart(const Mesh& mesh) {
     }
   }
   Mesh out;
-  std::vector<std::uint32_t> index(parent.size(), kNone);
   for (std::uint32_t t = 0; t < mesh.triangles.size(); t++) {
-    Corners c;
-    for (int k = 0; k < 3; k++) {
-      auto& i = index[root_of(parent, 3 * t + static_cast<std::uint32_t>(k))];
-      if (i == kNone)
-        i = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(mesh.corner(t, k));
-      c[k] = i;
-    }
-    out.triangles.push_back(c);
+    for (const Point& p : mesh.corners(t)) out.points.push_back(p);
+    out.triangles.push_back({root_of(parent, 3 * t), root_of(parent, 3 * t + 1), root_of(parent, 3 * t + 2)});
   }
+  out.drop_unused_points();
   return out;
 }
 

@@ -28,10 +28,6 @@ namespace {
 using reading::fail;
 using reading::Soup;
 
-std::string plural(std::uint64_t n, const std::string& one, const std::string& many) {
-  return std::to_string(n) + " " + (n == 1 ? one : many);
-}
-
 // Splits the polygons into triangles. Keeps only the points that they use, which must be finite.
 Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& notes) {
   reading::check_counts(soup.points.size(),
@@ -52,9 +48,8 @@ Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& not
     if (used[v]) mesh.points.push_back(soup.points[v]);
   }
   if (const std::size_t unused = soup.points.size() - mesh.points.size())
-    notes.push_back(plural(unused, "point that no face uses", "points that no face uses") + " left out");
-  if (soup.thin)
-    notes.push_back(plural(soup.thin, "face", "faces") + " of fewer than three corners left out");
+    notes.push_back(counted(unused, "point that no face uses", "points that no face uses") + " left out");
+  if (soup.thin) notes.push_back(counted(soup.thin, "face") + " of fewer than three corners left out");
 
   std::vector<Point> polygon;
   std::vector<std::array<std::uint32_t, 3>> pieces;
@@ -75,7 +70,7 @@ Mesh to_mesh(Soup& soup, const std::string& where, std::vector<std::string>& not
   }
   if (mesh.triangles.empty())
     fail(where, std::string("it holds no triangle") +
-                    (soup.points.empty() ? "" : ", only " + plural(soup.points.size(), "point", "points")) +
+                    (soup.points.empty() ? "" : ", only " + counted(soup.points.size(), "point")) +
                     (soup.thin ? " and faces of fewer than three corners" : "") +
                     ": a mesh with faces is wanted");
   return mesh;

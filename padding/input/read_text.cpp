@@ -5,6 +5,7 @@
 #include <istream>
 #include <streambuf>
 
+#include "padding/asset/excerpt.h"
 #include "padding/input/read_internal.h"
 
 // Here tinyobjloader uses doubles. A program that links padder may use it with floats. Under a name of our
@@ -81,12 +82,11 @@ void check_obj(std::string_view text, const std::string& where, Soup& soup) {
     }
     if (corners == 0) fail(where, at_line(lines.number()) + "a face without corners: export the mesh again");
     if (corners < 3 && lines.offset() >= text.size() && !text.ends_with('\n'))
-      fail(where, at_line(lines.number()) + "the file ends within a face of " + std::to_string(corners) +
-                      (corners == 1 ? " corner" : " corners") + ": it is cut short, export it again");
+      fail(where, at_line(lines.number()) + "the file ends within a face of " + counted(corners, "corner") +
+                      ": it is cut short, export it again");
   }
   if (others)
-    soup.notes.push_back(std::to_string(others) +
-                         (others == 1 ? " line, curve or point" : " lines, curves or points") + " left out");
+    soup.notes.push_back(counted(others, "line, curve or point", "lines, curves or points") + " left out");
   if (largest > static_cast<std::int64_t>(soup.points.size()))
     fail(where, at_line(largest_line) + "a face names vertex " + std::to_string(largest) +
                     ", but the file has only " + std::to_string(soup.points.size()) +

@@ -30,18 +30,14 @@ inline CgalMesh to_cgal(const Mesh& mesh) {
 // Triangles only; vertices that no face uses are left out.
 inline Mesh from_cgal(const CgalMesh& mesh) {
   Mesh out;
-  std::vector<std::uint32_t> index(mesh.num_vertices(), ~0u);
+  for (std::uint32_t v = 0; v < mesh.num_vertices(); v++)
+    out.points.push_back(from_cgal(mesh.point(CgalMesh::Vertex_index(v))));
   for (const auto f : mesh.faces()) {
-    std::array<std::uint32_t, 3> t;
+    auto& t = out.triangles.emplace_back();
     int k = 0;
-    for (const auto v : mesh.vertices_around_face(mesh.halfedge(f))) {
-      auto& i = index[v];
-      if (i == ~0u)
-        i = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(from_cgal(mesh.point(v)));
-      t[k++] = i;
-    }
-    out.triangles.push_back(t);
+    for (const auto v : mesh.vertices_around_face(mesh.halfedge(f))) t[k++] = v;
   }
+  out.drop_unused_points();
   return out;
 }
 

@@ -384,10 +384,6 @@ std::optional<Mesh> one_closed_piece(const Mesh& soup) {
   // Triangles that meet in an edge have one root, and so have their corners at each end of it.
   std::vector<std::uint32_t> piece = numbered(mesh.triangles.size()), round = numbered(3 * piece.size());
   std::size_t pieces = piece.size(), rounds = round.size();
-  const auto corner = [&](std::uint32_t t, std::uint32_t v) {
-    const Corners& c = mesh.triangles[t];
-    return 3 * t + (c[0] == v ? 0 : c[1] == v ? 1 : 2);
-  };
   for (std::size_t k = 0; k < sides.size(); k += 2) {
     if (k + 1 == sides.size() || sides[k].edge != sides[k + 1].edge ||
         sides[k].direction == sides[k + 1].direction ||
@@ -395,20 +391,12 @@ std::optional<Mesh> one_closed_piece(const Mesh& soup) {
       return std::nullopt;
     const auto s = sides[k].triangle, t = sides[k + 1].triangle;
     pieces -= join(piece, s, t);
-    for (const auto v : ends_of(sides[k].edge)) rounds -= join(round, corner(s, v), corner(t, v));
+    for (const auto v : ends_of(sides[k].edge))
+      rounds -= join(round, corner_with(mesh.triangles, s, v), corner_with(mesh.triangles, t, v));
   }
-  // Points in the order in which triangles use them.
-  std::vector<std::uint32_t> index(mesh.points.size(), ~0u);
-  Mesh out;
-  out.triangles = std::move(mesh.triangles);
-  for (auto& t : out.triangles)
-    for (auto& v : t) {
-      if (index[v] == ~0u)
-        index[v] = static_cast<std::uint32_t>(out.points.size()), out.points.push_back(mesh.points[v]);
-      v = index[v];
-    }
-  if (pieces > 1 || rounds > out.points.size()) return std::nullopt;
-  return out;
+  mesh.drop_unused_points();
+  if (pieces > 1 || rounds > mesh.points.size()) return std::nullopt;
+  return mesh;
 }
 
 std::vector<Side> sides_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
@@ -449,6 +437,13 @@ bool turn_outward(Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
   if (!(signed_volume(mesh, triangles) < 0)) return false;
   for (const auto t : triangles) std::swap(mesh.triangles[t][1], mesh.triangles[t][2]);
   return true;
+}
+
+Box bounds_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {
+  Box box;
+  for (const auto t : triangles)
+    for (const auto v : mesh.triangles[t]) box.add(mesh.points[v]);
+  return box;
 }
 
 Mesh part_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles) {

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "padding/geometry/indices.h"
@@ -39,11 +38,6 @@ Pieces find_pieces(const Mesh& soup);
 // each edge and each point has one round of triangles. Otherwise nothing: as when triangles repeat or name a
 // point twice.
 std::optional<Mesh> one_closed_piece(const Mesh& soup);
-
-// A count in a sentence: "1 hole", "3 holes".
-inline std::string count_of(std::size_t n, const std::string& one) {
-  return std::to_string(n) + " " + one + (n == 1 ? "" : "s");
-}
 
 // A side of a triangle.
 struct Side {
@@ -84,9 +78,10 @@ void for_edges(const std::vector<Side>& sides, Visit&& visit) {
   }
 }
 
-// The area of the triangles of `mesh` that are listed, and the signed volume that they enclose.
+// Of the triangles of `mesh` that are listed: their area, the signed volume that they enclose, and their box.
 double area_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 double signed_volume(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
+Box bounds_of(const Mesh& mesh, const std::vector<std::uint32_t>& triangles);
 
 // Turns them round if they enclose less than nothing. Returns whether they did.
 bool turn_outward(Mesh& mesh, const std::vector<std::uint32_t>& triangles);

@@ -98,7 +98,7 @@ std::vector<std::vector<std::uint32_t>> shells_of(CgalMesh& mesh) {
   return shells;
 }
 
-std::string cavities_text(std::size_t n) { return "kept " + count_of(n, "inner shell") + " as cavities"; }
+std::string cavities_text(std::size_t n) { return "kept " + counted(n, "inner shell") + " as cavities"; }
 
 // Counts the cavities of `oriented`, which is `given` with its shells turned so that they bound a volume.
 // Returns how many face outward in the file; nothing if one of them only repeats the shell around it.
@@ -129,11 +129,11 @@ std::optional<std::size_t> outward_cavities(const Surface& given, const Mesh& or
 // The mesh, if it is closed and meets itself nowhere.
 std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagonal) {
   RepairReport report;
-  if (flat > 0) report.add("dropped " + count_of(flat, "triangle") + " without area");
+  if (flat > 0) report.add("dropped " + counted(flat, "triangle") + " without area");
   const std::size_t before = soup.triangles.size();
   pmp::repair_polygon_soup(soup.points, soup.triangles);
   if (soup.triangles.size() < before)
-    report.add("dropped " + count_of(before - soup.triangles.size(), "duplicate triangle"));
+    report.add("dropped " + counted(before - soup.triangles.size(), "duplicate triangle"));
   if (!pmp::is_polygon_soup_a_polygon_mesh(soup.triangles))
     report.add(pmp::orient_polygon_soup(soup.points, soup.triangles) ? "oriented the triangles alike"
                                                                      : "split non-manifold edges");
@@ -153,10 +153,10 @@ std::optional<Repaired> closed_solid(Soup soup, std::size_t flat, double diagona
   const auto outward = outward_cavities(given, out.mesh, shells_of(mesh), inside_out, out.steps.cavities);
   if (!outward) return std::nullopt;
   if (out.steps.cavities > 0)
-    report.add(cavities_text(out.steps.cavities) +
-               (*outward > 0 ? ", though " + std::to_string(*outward) + (*outward == 1 ? " faces" : " face") +
-                                   " outward (--repair union fills them)"
-                             : ""));
+    report.add(cavities_text(out.steps.cavities) + (*outward > 0
+                                                        ? ", though " + counted(*outward, "faces", "face") +
+                                                              " outward (--repair union fills them)"
+                                                        : ""));
   out.report = report.text(), out.checked = true;
   return out;
 }
@@ -169,31 +169,30 @@ std::string words(const Repaired& body, RepairMode mode, double diagonal) {
   const RepairSteps& s = body.steps;
   const double area = body.mesh.area();
   constexpr double crumbs = 1e-5;  // of the area: not worth a word, and in RepairSteps all the same
-  if (s.repeated > 0) report.add("dropped " + count_of(s.repeated, "duplicate triangle"));
-  if (s.turned > 0) report.add("turned " + count_of(s.turned, "triangle"));
+  if (s.repeated > 0) report.add("dropped " + counted(s.repeated, "duplicate triangle"));
+  if (s.turned > 0) report.add("turned " + counted(s.turned, "triangle"));
   if (s.turned_pieces > 0)
-    report.add("turned " + count_of(s.turned_pieces, "closed piece") + " that faced inward");
-  if (s.split > 0) report.add("split " + count_of(s.split, "edge") + " at corners that lie on them");
+    report.add("turned " + counted(s.turned_pieces, "closed piece") + " that faced inward");
+  if (s.split > 0) report.add("split " + counted(s.split, "edge") + " at corners that lie on them");
   if (s.joined > 0)
-    report.add("joined " + count_of(s.joined, "corner") + " up to " + percent(s.joined_width / diagonal) +
+    report.add("joined " + counted(s.joined, "corner") + " up to " + percent(s.joined_width / diagonal) +
                " apart");
   if (s.cracks > 0) report.add("closed cracks up to " + percent(s.crack_width / diagonal) + " wide");
   if (!body.patches.empty()) {
     double longest = 0;
     for (const Patch& p : body.patches) longest = std::max(longest, p.rim);
-    report.add("closed " + count_of(body.patches.size(), "hole") + " (" + percent(body.filled_area / area) +
+    report.add("closed " + counted(body.patches.size(), "hole") + " (" + percent(body.filled_area / area) +
                " of the surface, longest rim " + percent(longest / diagonal) + ")");
   }
   if (s.crossing_pairs > 0 && body.kind == BodyKind::solid)
-    report.add((s.pieces == 1
-                    ? std::string("made one body of a piece that crosses itself (")
-                    : "made one body of " + count_of(s.pieces, "piece") + " that cross or touch (") +
-               count_of(s.crossing_pairs, "pair") + " of triangles)");
+    report.add((s.pieces == 1 ? std::string("made one body of a piece that crosses itself (")
+                              : "made one body of " + counted(s.pieces, "piece") + " that cross or touch (") +
+               counted(s.crossing_pairs, "pair") + " of triangles)");
   if (s.crossing_pairs == 0 && s.buried_area > crumbs * area)
     report.add("left out walls inside (" + percent(s.buried_area / (area + s.buried_area)) +
                " of the surface)");
   if (s.copies > 0)
-    report.add("took " + count_of(s.copies, "inner shell") +
+    report.add("took " + counted(s.copies, "inner shell") +
                " for a copy or a coarser level of the one around it");
   if (s.cavities > 0) report.add(cavities_text(s.cavities));
   if (body.kind == BodyKind::sheet || s.sheet_area > crumbs * area) {
@@ -286,7 +285,7 @@ std::optional<Repaired> piece_repaired(Mesh piece, const Mesh& input, const Repa
   }
   Repaired out;
   if (*folds > 0) {
-    report.add("kept folds smaller than the tolerance (" + count_of(*folds, "pair") + " of triangles)");
+    report.add("kept folds smaller than the tolerance (" + counted(*folds, "pair") + " of triangles)");
     out.steps.pieces = 1, out.steps.crossing_pairs = *folds;
     surface->set_side(SideBy::winding);
   }

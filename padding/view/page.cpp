@@ -25,20 +25,6 @@ constexpr double kSteps = (1 << 21) - 1;  // a coordinate is stored in 21 bits
 // Receives the page piece by piece.
 using Write = std::function<void(std::string_view)>;
 
-void append_base64(std::string& out, const void* data, std::size_t size) {
-  static constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  const auto* b = static_cast<const unsigned char*>(data);
-  for (std::size_t k = 0; k < size; k += 3) {
-    const std::size_t left = size - k;
-    const std::uint32_t w =
-        std::uint32_t(b[k]) << 16 | (left > 1 ? std::uint32_t(b[k + 1]) << 8 : 0) | (left > 2 ? b[k + 2] : 0);
-    out += digits[w >> 18];
-    out += digits[w >> 12 & 63];
-    out += left > 1 ? digits[w >> 6 & 63] : '=';
-    out += left > 2 ? digits[w & 63] : '=';
-  }
-}
-
 // The page's frame: the middle of the box at 0, its diagonal 1.
 struct Frame {
   Point center;
@@ -74,12 +60,10 @@ class Elements {
     constexpr std::size_t block = 3 << 14;  // of items: a multiple of 3, so that its base64 needs no padding
     write_(std::string("<script type=\"application/octet-stream\" id=\"") + id + "\">");
     std::vector<T> numbers;
-    std::string text;
     for (std::size_t first = 0; first < count; first += block) {
-      numbers.clear(), text.clear();
+      numbers.clear();
       for (std::size_t k = first; k < std::min(count, first + block); k++) fill(k, numbers);
-      append_base64(text, numbers.data(), numbers.size() * sizeof(T));
-      write_(text);
+      write_(base64({reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(T)}));
     }
     write_("</script>\n");
   }

@@ -132,8 +132,8 @@ View view_of(const Cluster& cluster, const Mesh& mesh) {
 View one_rung(const View& view, std::size_t rung) {
   const std::size_t levels = std::max<std::size_t>(1, view.rungs.size());
   if (rung >= levels)
-    throw Error(view.title + " has " + std::to_string(levels) + (levels == 1 ? " level" : " levels") +
-                " of detail, 0 the finest, and no level " + std::to_string(rung) + " (pad --lod makes more)");
+    throw Error(view.title + " has " + counted(levels, "level") + " of detail, 0 the finest, and no level " +
+                std::to_string(rung) + " (pad --lod makes more)");
   View one = view;
   if (view.rungs.empty()) return one;
   const ViewRung& r = view.rungs[rung];

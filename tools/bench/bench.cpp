@@ -5,7 +5,6 @@
 #include "tools/arguments.h"
 #include "tools/bench/report/document.h"
 #include "tools/cli.h"
-#include "tools/json_output.h"
 #include "tools/run_files.h"
 
 #include <cstdio>

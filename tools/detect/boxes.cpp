@@ -7,8 +7,8 @@
 #include "detect/boxes/contact_writer.h"
 #include "detect/scene/contact_file.h"
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "tools/detect/arguments.h"
-#include "tools/usage.h"
 
 namespace padder::tool {
 namespace {
@@ -103,7 +103,7 @@ int run_boxes(const Arguments& a) {
   Json report = report_of(a, found);
   report.update(box_report(options, r));
   print_result(a, report, [&] {
-    using padder::cli::counted;
+    using padder::counted;
     const std::string place =
         ", " + counted(r.boxes, "box", "boxes") + " on " + counted(options.devices.size(), "device");
     print_found(a, found, place, report["seconds"]["total"].get<double>());

@@ -11,7 +11,6 @@
 #include "padding/asset/error.h"
 #include "tools/arguments.h"
 #include "tools/detect/arguments.h"
-#include "tools/json_output.h"
 #include "tools/run_files.h"
 #include "tools/streams.h"
 
@@ -282,7 +281,7 @@ Json report_of(const Arguments& a, const Found& f) {
 }
 
 void print_found(const Arguments& a, const Found& f, const std::string& place, double seconds) {
-  using padder::cli::counted;
+  using padder::counted;
   std::printf("%s, %s: %s (%s, %s%s) in %.4f s\n", counted(f.spheres, "sphere").c_str(),
               counted(f.bodies, "body", "bodies").c_str(), counted(f.contacts, "contact").c_str(), f.backend,
               a.precision.word.c_str(), place.c_str(), seconds);

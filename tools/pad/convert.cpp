@@ -64,7 +64,7 @@ Json run_convert(const PadArguments& a, const std::string& input, const PadTarge
   target.make(folders);
   std::vector<std::string> warnings;
   if (spheres.switched_off > 0)
-    warnings.push_back(cli::counted(spheres.switched_off, "sphere") + " of " + input +
+    warnings.push_back(counted(spheres.switched_off, "sphere") + " of " + input +
                        " without a radius, which cuRobo switches off so, left out");
   Json outputs = Json::array();
   for (const OutputFile& file : target.in_writing_order()) write(spheres, input, file, a.density, warnings);
@@ -81,7 +81,7 @@ Json run_convert(const PadArguments& a, const std::string& input, const PadTarge
 
 void print_convert(const Json& report) {
   std::printf("%s: %s, not padded again\n", report["input"].get<std::string>().c_str(),
-              cli::counted(report["spheres"], "sphere").c_str());
+              counted(report["spheres"], "sphere").c_str());
   for (const Json& output : report["outputs"]) std::printf("  wrote %s\n", output.get<std::string>().c_str());
 }
 

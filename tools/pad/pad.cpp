@@ -19,7 +19,6 @@
 #include "padding/view/page.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
-#include "tools/json_output.h"
 #include "tools/pad/arguments.h"
 #include "tools/pad/manifest/part_list.h"
 #include "tools/pad/manifest/run_parts.h"

@@ -34,22 +34,14 @@ Json slots_json(const std::vector<ClosedSlot>& slots) {
   return j;
 }
 
-std::string text_of(const Point& p) {
-  char text[100];
-  std::snprintf(text, sizeof text, "(%.4g, %.4g, %.4g)", p.x(), p.y(), p.z());
-  return text;
-}
-
 // What repair did to the surface, beside what its own report says: one line for each.
 void print_repair(const PadReport& r, const Accuracy& a) {
-  const auto plural = [](std::size_t n) { return n == 1 ? "" : "s"; };
   if (r.filled > 0) {
-    std::printf("  %llu hole%s of the input filled: area %.3g", (unsigned long long)r.filled,
-                plural(r.filled), r.filled_area);
+    std::printf("  %s of the input filled: area %.3g", counted(r.filled, "hole").c_str(), r.filled_area);
     const auto longest = std::max_element(r.patches.begin(), r.patches.end(),
                                           [](const Patch& p, const Patch& q) { return p.rim < q.rim; });
     if (longest != r.patches.end())
-      std::printf(", longest rim %.3g around %s", longest->rim, text_of(longest->place).c_str());
+      std::printf(", longest rim %.3g around %s", longest->rim, place_text(longest->place).c_str());
     std::printf("\n");
   }
   if (r.buried > 0)
@@ -60,7 +52,7 @@ void print_repair(const PadReport& r, const Accuracy& a) {
                 100 * a.wrap_distance / r.diagonal);
   for (std::size_t k = 0; k < std::min<std::size_t>(r.slots.size(), 5); k++)
     std::printf("  closed slot: at most %.3g wide, area %.3g, at %s\n", r.slots[k].width, r.slots[k].area,
-                text_of(r.slots[k].place).c_str());
+                place_text(r.slots[k].place).c_str());
   if (r.slots.size() > 5)
     std::printf("  and %zu closed slots more (--json lists them)\n", r.slots.size() - 5);
 }
@@ -165,16 +157,14 @@ Json report_json(const PadArguments& a, const std::string& file, const PadTarget
 void print_report(const PadArguments& a, const std::string& file, const PadTarget& target, const Padded& p) {
   const auto& r = p.report;
   const auto& c = p.cluster;
-  std::printf("%s: %s", cli::StreamFiles::spoken(file).c_str(),
-              cli::counted(r.triangles_in, "triangle").c_str());
+  std::printf("%s: %s", cli::StreamFiles::spoken(file).c_str(), counted(r.triangles_in, "triangle").c_str());
   if (r.triangles_remeshed > 0) std::printf(", remeshed to %llu", (unsigned long long)r.triangles_remeshed);
   std::printf("; repair: %s\n", c.source.repair.c_str());
   for (const std::string& note : r.notes) std::printf("  note: %s\n", note.c_str());
   for (const auto& lod : c.lods)
-    std::printf("  %s: %s\n", cli::counted(lod.radii.size(), "sphere").c_str(),
+    std::printf("  %s: %s\n", counted(lod.radii.size(), "sphere").c_str(),
                 errors_text(lod.accuracy, r.diagonal).c_str());
-  std::printf("  %s: %s\n", cli::counted(c.size(), "sphere").c_str(),
-              errors_text(c.accuracy, r.diagonal).c_str());
+  std::printf("  %s: %s\n", counted(c.size(), "sphere").c_str(), errors_text(c.accuracy, r.diagonal).c_str());
   print_repair(r, c.accuracy);
   if (c.accuracy.proved_against == SurfaceKind::none)
     std::printf("  an open sheet has no inside: its protrusion is measured, not proved\n");

@@ -13,7 +13,6 @@
 #include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/streams.h"
-#include "tools/usage.h"
 
 namespace padder {
 

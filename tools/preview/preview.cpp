@@ -13,7 +13,6 @@
 #include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/colour_option.h"
-#include "tools/json_output.h"
 #include "tools/preview/scene_view.h"
 #include "tools/run_files.h"
 #include "tools/settle/read_scene.h"
@@ -191,9 +190,9 @@ int run(Arguments& a, const CLI::App& app, padder::cli::StreamFiles& files) {
                              {"seconds", seconds}});
   else if (!a.quiet)
     std::printf("%s: %s, %s, %s; %.1f MB, %.2f s\n", a.output.c_str(),
-                padder::cli::counted(shown, "sphere").c_str(),
-                padder::cli::counted(view.mesh.triangles.size(), "triangle").c_str(),
-                padder::cli::counted(view.contacts.size(), "contact").c_str(), double(bytes) / 1e6, seconds);
+                padder::counted(shown, "sphere").c_str(),
+                padder::counted(view.mesh.triangles.size(), "triangle").c_str(),
+                padder::counted(view.contacts.size(), "contact").c_str(), double(bytes) / 1e6, seconds);
   files.deliver();
   return 0;
 }

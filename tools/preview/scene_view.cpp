@@ -6,10 +6,10 @@
 
 #include "detect/body.h"
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "padding/asset/npz.h"
 #include "padding/input/text.h"
-#include "tools/usage.h"
 
 namespace padder {
 namespace {
@@ -113,8 +113,7 @@ View view_of(const detect::Scene& scene, const std::string& title) {
     add(s, loose.family.empty() ? 0 : loose.family[k], std::uint32_t(v.bodies.size()));
   }
   if (v.bodies.empty()) v.body.clear();
-  v.note =
-      cli::counted(v.bodies.size(), "body", "bodies") + ", " + cli::counted(loose.size(), "loose sphere");
+  v.note = counted(v.bodies.size(), "body", "bodies") + ", " + counted(loose.size(), "loose sphere");
   return v;
 }
 

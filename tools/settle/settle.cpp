@@ -10,7 +10,6 @@
 #include "tools/arguments.h"
 #include "tools/cli.h"
 #include "tools/detect/launch.h"
-#include "tools/json_output.h"
 #include "tools/progress_bar.h"
 #include "tools/run_files.h"
 #include "tools/settle/files.h"
@@ -201,11 +200,10 @@ void warn_of_soft_contacts(const Stepper& stepper) {
 
 void print(const Json& r) {
   const double seconds = r["seconds"]["total"], detection = r["seconds"]["detection"];
-  const double steps = r["steps"];
-  using padder::cli::counted;
-  std::printf("%s (%s, %s), %.0f step%s of %.3g: time %.4g\n", counted(r["spheres"], "sphere").c_str(),
-              counted(r["bodies"], "body", "bodies").c_str(), counted(r["grains"], "grain").c_str(), steps,
-              steps == 1 ? "" : "s", r["time_step"].get<double>(), r["time"].get<double>());
+  using padder::counted;
+  std::printf("%s (%s, %s), %s of %.3g: time %.4g\n", counted(r["spheres"], "sphere").c_str(),
+              counted(r["bodies"], "body", "bodies").c_str(), counted(r["grains"], "grain").c_str(),
+              counted(r["steps"], "step").c_str(), r["time_step"].get<double>(), r["time"].get<double>());
   const Json& lod = r["lod"];
   if (lod["spheres"] != lod["spheres_finest"])
     std::printf("levels of detail: %llu of %llu spheres of bodies; %s\n",

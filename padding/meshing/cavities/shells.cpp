@@ -99,10 +99,7 @@ std::vector<char> find_repeats(const Mesh& mesh, const std::vector<NestedShell>&
     if (repeats[k] || next[k] == none) continue;
     const Surface around(part_of(mesh, shells[next[k]].triangles));
     const ShellDistance distance = distance_between(mesh, shells[k].triangles, around);
-    Box box;
-    for (const auto t : shells[k].triangles)
-      for (const auto v : mesh.triangles[t]) box.add(mesh.points[v]);
-    repeats[k] = distance.corners <= kOnShell * box.diagonal() ||
+    repeats[k] = distance.corners <= kOnShell * bounds_of(mesh, shells[k].triangles).diagonal() ||
                  (coarser(k) && distance.corners <= kMuchNearer * distance.middles);
   }
   return repeats;

@@ -428,12 +428,7 @@ class Cutter {
         for (const auto v : face) used[v] = 1;
     join_equal_points(used);
     OuterCells out;
-    std::vector<std::uint32_t> index(points_.size(), kNone);
-    const auto point = [&](std::uint32_t v) {
-      if (index[v] == kNone)
-        index[v] = static_cast<std::uint32_t>(out.mesh.points.size()), out.mesh.points.push_back(points_[v]);
-      return index[v];
-    };
+    out.mesh.points = points_;
     for (const bool bounds : {true, false}) {
       const auto keep = [&](std::uint32_t t, std::array<std::uint32_t, 3> c, Fate f) {
         if (bounds && f == Fate::buried && roles_[t] != TriangleRole::patch)
@@ -443,7 +438,7 @@ class Cutter {
         if (bounds != (f == Fate::boundary || f == Fate::turned) || f == Fate::buried || f == Fate::dropped)
           return;
         if (f == Fate::turned) std::swap(c[1], c[2]);
-        out.mesh.triangles.push_back({point(c[0]), point(c[1]), point(c[2])}), out.source.push_back(t);
+        out.mesh.triangles.push_back(c), out.source.push_back(t);
       };
       for (std::uint32_t t = 0; t < soup_.triangles.size(); t++) {
         if (piece_of_[t] == kNone) {
@@ -456,6 +451,7 @@ class Cutter {
       }
       if (bounds) out.boundary = out.mesh.triangles.size();
     }
+    out.mesh.drop_unused_points();
     return out;
   }
 

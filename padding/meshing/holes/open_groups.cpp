@@ -175,13 +175,6 @@ class PieceCloser {
       if (inner.count(root(e.from))) std::swap(e.from, e.to);
   }
 
-  double diagonal_of(const std::vector<std::uint32_t>& triangles) const {
-    Box box;
-    for (const auto t : triangles)
-      for (const auto v : mesh_.triangles[t]) box.add(mesh_.points[v]);
-    return box.diagonal();
-  }
-
   static double patch_area(const Mesh& mesh, const Triangles& patch) {
     double area = 0;
     for (const auto& [a, b, c] : patch)
@@ -190,7 +183,7 @@ class PieceCloser {
   }
 
   void close(OpenGroup& group) {
-    group.own = group.triangles.size(), group.diagonal = diagonal_of(group.triangles);
+    group.own = group.triangles.size(), group.diagonal = bounds_of(mesh_, group.triangles).diagonal();
     if (options_.mode == RepairMode::sheet) return;
     group.rims = trace_rims(mesh_, group.triangles, group.missing);
     for (const auto& bridge : bridges_) join_rims(group.rims, bridge);

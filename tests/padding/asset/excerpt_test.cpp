@@ -32,6 +32,22 @@ TEST(Excerpt, BytesThatAreNoUtf8AreEscaped) {
     for (const char c : excerpt(bytes)) EXPECT_TRUE(c >= ' ' && c <= '~') << excerpt(bytes);
 }
 
+// The test vectors of RFC 4648.
+TEST(Base64, VectorsOfTheStandard) {
+  EXPECT_EQ(base64(""), "");
+  EXPECT_EQ(base64("f"), "Zg==");
+  EXPECT_EQ(base64("fo"), "Zm8=");
+  EXPECT_EQ(base64("foo"), "Zm9v");
+  EXPECT_EQ(base64("foobar"), "Zm9vYmFy");
+  EXPECT_EQ(base64("\xff\xfe"), "//4=");
+}
+
+TEST(Counted, OneIsSingular) {
+  EXPECT_EQ(counted(1, "part"), "1 part");
+  EXPECT_EQ(counted(0, "part"), "0 parts");
+  EXPECT_EQ(counted(2, "body", "bodies"), "2 bodies");
+}
+
 TEST(ShortNumber, SignificantDigits) {
   EXPECT_EQ(short_number(0.0123456, 3), "0.0123");
   EXPECT_EQ(short_number(2, 4), "2");

@@ -30,5 +30,12 @@ TEST(Mesh, AreaAndBounds) {
   EXPECT_TRUE(Mesh().bounds().empty());
 }
 
+TEST(Mesh, UnusedPointsGoAndTheOthersFollowTheTriangles) {
+  Mesh m{{{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}}, {{3, 1, 0}, {0, 1, 3}}};
+  m.drop_unused_points();
+  EXPECT_EQ(m.points, (std::vector<Point>{{3, 0, 0}, {1, 0, 0}, {0, 0, 0}}));
+  EXPECT_EQ(m.triangles, (decltype(m.triangles){{0, 1, 2}, {2, 1, 0}}));
+}
+
 }  // namespace
 }  // namespace padder

@@ -111,12 +111,10 @@ class Comparison {
   std::string sentence() const {
     std::string out;
     if (slower_)
-      out = std::to_string(slower_) + (slower_ == 1 ? " time is" : " times are") +
-            " slower than the old by more than " + number(100 * within_, "%g") + " %, at worst " +
-            number(worst_, "%.3f") + " times as long";
+      out = counted(slower_, "time is", "times are") + " slower than the old by more than " +
+            number(100 * within_, "%g") + " %, at worst " + number(worst_, "%.3f") + " times as long";
     if (differing_)
-      out += (out.empty() ? "" : "; ") + std::to_string(differing_) + (differing_ == 1 ? " row" : " rows") +
-             " found other contacts than the old";
+      out += (out.empty() ? "" : "; ") + counted(differing_, "row") + " found other contacts than the old";
     return out;
   }
 

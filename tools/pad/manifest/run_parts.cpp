@@ -15,7 +15,6 @@
 #include "padding/input/read_internal.h"
 #include "tools/arguments.h"
 #include "tools/cli.h"
-#include "tools/json_output.h"
 #include "tools/pad/manifest/part_list.h"
 #include "tools/pad/manifest/parts_page.h"
 #include "tools/pad/manifest/records.h"
@@ -200,7 +199,7 @@ class Run {
     }
     if (const std::size_t at = done_ + failed_; at % 64 == 0 || fate != Fate::current)
       bar_.show(double(at) / double(parts_.size()), std::to_string(at) + " of " +
-                                                        cli::counted(parts_.size(), "part") + ", " +
+                                                        counted(parts_.size(), "part") + ", " +
                                                         std::to_string(failed_) + " failed");
   }
 
@@ -240,13 +239,13 @@ class Run {
     if (stopped > 0) end = std::string("ended by signal ") + std::to_string(stopped);
     if (!end.empty())
       std::fprintf(stderr, "pad: stopped with %zu of %s left: %s; the same command goes on from here\n", left,
-                   cli::counted(parts_.size(), "part").c_str(), excerpt(end, 4000).c_str());
+                   counted(parts_.size(), "part").c_str(), excerpt(end, 4000).c_str());
     if (!a_.json && !a_.quiet) {
-      std::printf("%s: %zu made, %zu were up to date, %zu failed",
-                  cli::counted(parts_.size(), "part").c_str(), made_, done_ - made_, failed_);
+      std::printf("%s: %zu made, %zu were up to date, %zu failed", counted(parts_.size(), "part").c_str(),
+                  made_, done_ - made_, failed_);
       if (left > 0) std::printf(", %zu not reached", left);
-      std::printf("; %s; %.1f s with %s\n", cli::counted(spheres_, "sphere").c_str(), seconds,
-                  cli::counted(static_cast<unsigned>(workers_), "worker").c_str());
+      std::printf("; %s; %.1f s with %s\n", counted(spheres_, "sphere").c_str(), seconds,
+                  counted(static_cast<unsigned>(workers_), "worker").c_str());
     }
     if (!a_.json) return;
     Json all = Json::array();

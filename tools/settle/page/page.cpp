@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "padding/asset/error.h"
+#include "padding/asset/excerpt.h"
 #include "padding/asset/file.h"
 #include "tools/settle/page/page_template.h"
 
@@ -20,21 +21,6 @@ constexpr std::uint64_t kAllShown = 50000;  // spheres of a scene of which nothi
 constexpr float kMostSteps = 65535;         // along an axis of the box
 constexpr double kLarge = 3;                // times the mean radius
 constexpr std::size_t kManySpheres = 8;     // of a body
-
-std::string base64(const void* data, std::size_t bytes) {
-  static constexpr char letters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  const auto* p = static_cast<const unsigned char*>(data);
-  std::string out;
-  out.reserve((bytes + 2) / 3 * 4);
-  for (std::size_t k = 0; k < bytes; k += 3) {
-    const std::uint32_t three = std::uint32_t(p[k]) << 16 |
-                                (k + 1 < bytes ? std::uint32_t(p[k + 1]) << 8 : 0) |
-                                (k + 2 < bytes ? p[k + 2] : 0);
-    for (int c = 0; c < 4; c++)
-      out += k + static_cast<std::size_t>(c) > bytes ? '=' : letters[three >> (18 - 6 * c) & 63];
-  }
-  return out;
-}
 
 void replace(std::string& text, const std::string& mark, const std::string& by) {
   text.replace(text.find(mark), mark.size(), by);
@@ -221,7 +207,7 @@ Movie::Written Movie::write(const std::string& title, const System& system, cons
   std::string text;
   std::vector<double> times;
   for (std::size_t f = 0; f < frames.size(); f++) {
-    text += "\"" + base64(frames[f].data(), frames[f].size()) + "\",\n";
+    text += "\"" + base64(frames[f]) + "\",\n";
     times.push_back(times_[(centers_.size() - 1) % stride + f * stride]);
   }
   std::vector<float> radii;
@@ -242,8 +228,8 @@ Movie::Written Movie::write(const std::string& title, const System& system, cons
     data.replace(at, 2, "<\\/");
   std::string page = kPageTemplate;
   replace(page, "@HEAD@", data);
-  replace(page, "@RADII@", base64(radii.data(), radii.size() * 4));
-  replace(page, "@MOVERS@", base64(movers.data(), movers.size() * 4));
+  replace(page, "@RADII@", base64({reinterpret_cast<const char*>(radii.data()), radii.size() * 4}));
+  replace(page, "@MOVERS@", base64({reinterpret_cast<const char*>(movers.data()), movers.size() * 4}));
   replace(page, "@FRAMES@", text);
   write_file(path, page);
   return {frames.size(), shown.size(), page.size()};
