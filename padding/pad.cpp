@@ -2,166 +2,19 @@
 #include "padding/pad.h"
 
 #include <algorithm>
-#include <chrono>
+#include <cmath>
 #include <numbers>
 #include <numeric>
 #include <utility>
 
 #include "padding/asset/error.h"
 #include "padding/asset/excerpt.h"
-#include "padding/by_depth/refit.h"
 #include "padding/by_tolerance/lower_bound.h"
-#include "padding/by_tolerance/thin_balls.h"
-#include "padding/geometry/medial.h"
-#include "padding/geometry/unit_frame.h"
+#include "padding/pad_steps.h"
 #include "padding/verify/accuracy.h"
 
 namespace padder {
 namespace {
-
-class Clock {
- public:
-  double lap() {  // seconds since the last lap
-    const auto now = std::chrono::steady_clock::now();
-    const double s = std::chrono::duration<double>(now - last_).count();
-    last_ = now;
-    return s;
-  }
-
- private:
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
-
-// Of the remeshed triangles, in the unit frame.
-double edge_length(const PadOptions& options, double diagonal) {
-  if (options.edge_length.given()) return options.edge_length.in_unit_frame(diagonal);
-  constexpr double cap = 1.0 / 400;  // an equilateral triangle of edge L has the circumradius L / sqrt(3)
-  return std::clamp(std::numbers::sqrt3 * cap / options.depth_ratio_used(), 0.002, 0.05);
-}
-
-// The spheres of one level of detail, in the unit frame.
-struct RungSpheres {
-  std::vector<Ball> balls;
-  std::vector<std::int64_t> triangle;  // for each ball, the triangle that it was made for
-  Mesh mesh;                           // the remeshed surface; empty when nothing was remeshed
-  WhyOpen open = WhyOpen::nothing;
-};
-
-// The radius of the middle one of some hundred medial balls below the surface, which is close to `remeshed`.
-double middle_medial_radius(const Surface& surface, const Mesh& remeshed, double tolerance) {
-  constexpr std::size_t places = 500;
-  const std::size_t stride = 1 + remeshed.triangles.size() / places;
-  std::vector<double> radii;
-  for (std::size_t t = 0; t < remeshed.triangles.size(); t += stride) {
-    const Vector normal = remeshed.area_normal(t).normalized();
-    const Point p = surface.nearest(remeshed.middle(t)).point;
-    radii.push_back(inner_medial_ball(surface, p, normal, surface.bounds().diagonal(), tolerance).radius);
-  }
-  const auto middle = radii.begin() + static_cast<std::ptrdiff_t>(radii.size() / 2);
-  std::nth_element(radii.begin(), middle, radii.end());
-  return *middle;
-}
-
-// On a flat, a ball covers a disc of the radius sqrt(4 r gap) with the radius r of its medial ball. So a tiny
-// depth ratio needs spheres without end: two to four times as many as these discs were needed for parts of
-// machines, because edges need more.
-void check_feasible(const PadOptions& options, const Surface& surface, const Mesh& remeshed,
-                    const std::vector<FittedBall>& fitted) {
-  if (!surface.closed() || options.force) return;
-  double gap = 0;
-  for (const FittedBall& f : fitted) gap = std::max(gap, f.cap);
-  constexpr double million = 1e6, times_as_many = 4;
-  const double most = std::max(million, times_as_many * static_cast<double>(fitted.size()));
-  const auto needed = [&](double r) { return surface.mesh().area() / (4 * std::numbers::pi * r * gap); };
-  if (needed(gap) <= most) return;
-  if (const double n = needed(middle_medial_radius(surface, remeshed, 0.25 * gap) + gap); n > most)
-    throw Error(
-        "a depth ratio of " + short_number(options.depth_ratio_used(), 3) + " would need more than " +
-        short_number(n / million, 2) +
-        " million spheres: use a larger --depth, or --tolerance; --force (force=True in Python) tries it");
-}
-
-RungSpheres by_depth(const PadOptions& options, double length, const Repaired& body, const Surface& surface,
-                     PadReport& report, const std::function<void(const char*, int)>& step, Clock& clock) {
-  // Folded walls have much surface in a small box: whoever waits is told how much work that is.
-  const std::uint64_t expected = expected_triangles(body.mesh, length);
-  constexpr std::uint64_t most = 100'000'000;  // an hour of remeshing
-  if (expected > most && !options.force)
-    throw Error("edges of this length would make about " + counted(expected, "triangle") +
-                ": use a larger --edge-length, or --tolerance; --force (force=True in Python) tries it");
-  step(("remesh to about " + counted(expected, "triangle")).c_str(), 1);
-  RemeshOptions remeshing;
-  remeshing.edge_length = length;
-  remeshing.sharp_angle = body.kind == BodyKind::wrap ? 180 : options.sharp_angle;
-  if (body.solid) remeshing.slivers = 0.02;  // a cap of depth ratio 0.2 is six times as high
-  Remeshed remeshed = remesh(body.mesh, remeshing);
-  report.quality = remeshed.quality;
-  report.quality.circumradius_max *= report.diagonal;
-  report.triangles_remeshed = remeshed.mesh.triangles.size();
-  report.edge_length = length * report.diagonal;
-  report.seconds.remesh = clock.lap();
-  if (remeshed.mesh.triangles.empty()) return {};  // all of it is thinner than a sliver
-
-  step("fit", 2);
-  std::vector<FittedBall> fitted = fit(remeshed.mesh, options.depth_ratio_used(), length);
-  report.seconds.fit = clock.lap();
-  check_feasible(options, surface, remeshed.mesh, fitted);
-
-  step("refit", 3);
-  const auto tell = [&](std::size_t open) {
-    step(("refit, " + counted(open, "part") + " of the surface open").c_str(), 3);
-  };
-  fitted = refit(surface, remeshed.mesh, std::move(fitted), {.tell = tell});
-  RungSpheres made;
-  for (const auto& f : fitted) made.balls.push_back(f.ball), made.triangle.push_back(f.triangle);
-  made.mesh = std::move(remeshed.mesh);
-  report.seconds.refit = clock.lap();
-  return made;
-}
-
-void keep_only(RungSpheres& made, const std::vector<std::uint32_t>& kept) {
-  RungSpheres fewer;
-  fewer.mesh = std::move(made.mesh);
-  for (const auto k : kept) fewer.balls.push_back(made.balls[k]), fewer.triangle.push_back(made.triangle[k]);
-  made = std::move(fewer);
-}
-
-// How far the surface that the spheres are made on may be from the body that the file describes, in the unit
-// frame. What closes a crack is as far from the input as the crack is wide, so the spheres may stand out by
-// so much less. A round shape reaches out of its mesh by the chord error, so the gap is so much smaller. Far
-// from the origin doubles are coarse: writing the spheres down may move them, and joining corners may move
-// the surface. Together that is `moved`, which is taken off both errors.
-struct Allowance {
-  double crack = 0, chord_error = 0, moved = 0;
-};
-
-// A gap above 0 stays above 0, and one of 0 covers what is so far outside, too.
-double left_of(double error, double chord_error) {
-  return error > 0 ? std::max(error - chord_error, 0.5 * error) : error - chord_error;
-}
-
-CullOptions cull_options(const PadOptions& options, const Length& tolerance, double diagonal,
-                         const Allowance& allowance) {
-  CullOptions c;
-  c.tolerance = tolerance.in_unit_frame(diagonal);
-  c.max_spheres = options.max_spheres;
-  c.min_radius = options.min_radius.in_unit_frame(diagonal);
-  if (options.max_radius.given()) c.max_radius = options.max_radius.in_unit_frame(diagonal);
-  if (options.each_error()) {
-    c.only_protrusion = options.protrusion_used().in_unit_frame(diagonal);
-    c.only_gap = options.gap_used().in_unit_frame(diagonal);
-  } else if ((allowance.crack > 0 || allowance.chord_error > 0) && c.tolerance > 0) {
-    if (c.max_spheres == 0 && c.balance == Balance::none && !(options.smooth > 0))
-      c.only_protrusion = c.only_gap = c.tolerance;
-    else
-      c.tolerance = left_of(c.tolerance, std::max(allowance.crack, allowance.chord_error));
-  }
-  if (c.only_protrusion) *c.only_protrusion -= allowance.crack;
-  if (c.only_gap) *c.only_gap = left_of(*c.only_gap, allowance.chord_error);
-  c.keep_back(allowance.moved);
-  c.balance = options.balance, c.smooth = options.smooth, c.effort = options.effort;
-  return c;
-}
 
 // The largest errors that are asked for, in the unit frame; both 0: none.
 struct Asked {
@@ -180,87 +33,18 @@ struct Asked {
   }
 };
 
-// What every step works on, in the unit frame.
-struct Job {
-  const PadOptions& options;
-  const ReadResult& file;  // as it was read
-  const Mesh& input;
-  const Repaired& body;
-  const Surface& surface;
-  const UnitFrame& frame;
-  double length;  // of the edges; 0: nothing is remeshed
-  PadReport& report;
-  const std::function<void(const char*, int)>& step;
-  const TellShare& within_cull;
-  Clock& clock;
-
-  double chord_error() const { return file.chord_error / frame.scale(); }
-};
-
-// Why the spheres leave some of the surface open, and what to do.
-std::string open_text(const Job& job, const OpenSpot& open) {
-  const std::string place = place_text(job.frame.back(open.at));
-  if (open.why == WhyOpen::min_radius)
-    return "no sphere as large as --min-radius was found that covers the surface at " + place +
-           ": use a smaller one";
-  if (open.why == WhyOpen::unfinished)
-    return "the search ended before it had covered the surface at " + place + ": use a larger tolerance";
-  const std::size_t solid = job.body.mesh.triangles.size() - job.body.sheet;
-  if (job.surface.nearest(open.at).triangle >= solid)
-    return "the surface at " + place +
-           " is a sheet, which has no inside: use a --protrusion above 0, or a --thickness";
-  return "no sphere inside of the body was found that comes near enough to the surface at " + place +
-         ": use a --protrusion above 0";
-}
-
-// Makes the spheres of one level of detail. If they cannot keep the tolerance, `why` says what prevents it.
-RungSpheres make_spheres(const Job& job, const Length& tolerance, std::string& why) {
-  const PadOptions& options = job.options;
-  const double asked = tolerance.in_unit_frame(job.frame.scale());
-  RungSpheres made;
-  if (job.length > 0) {
-    made = by_depth(options, job.length, job.body, job.surface, job.report, job.step, job.clock);
-    job.step("cull", 4);
-    if (asked > 0) {
-      const double gap = left_of(asked, job.chord_error());
-      keep_only(made, thin_balls(job.surface, made.balls, gap, options.effort));
-    }
-    why = "the spheres of the depth ratio stand out farther, or leave more open";
-  } else {
-    job.step("cull", 4);
-    CullOptions culling = cull_options(options, tolerance, job.frame.scale(),
-                                       {job.body.steps.crack_width, job.chord_error(),
-                                        job.frame.coarseness() + job.body.steps.joined_width});
-    culling.tell = job.within_cull;
-    // Below a sheet as given nothing bounds the balls: large ones would sag and stand out past its border.
-    if (!job.surface.closed()) culling.max_radius = std::min(culling.max_radius, 0.05);
-    const Culled culled = cull(job.surface, culling);
-    made.balls = culled.balls;
-    made.triangle.assign(culled.triangle.begin(), culled.triangle.end());
-    job.report.filled_body = culled.filled && job.body.kind != BodyKind::sheet;
-    if (!culled.within)
-      why = "so few spheres cannot keep it";
-    else if (culled.open.why != WhyOpen::nothing)
-      why = open_text(job, culled.open);
-    made.open = culled.open.why;
-  }
-  job.report.seconds.cull += job.clock.lap();
-  return made;
-}
-
 // "the wrap closes 12 slots wider than twice the tolerance, the widest 3.1 at (1, 2, 3): a smaller …"
-std::string slots_text(const Job& job) {
+std::string slots_text(const PadJob& job) {
   const std::vector<ClosedSlot>& slots = job.report.slots;
   const ClosedSlot& widest = slots.front();
-  return "the wrap closes " + counted(slots.size(), "slot") +
-         " wider than twice the tolerance, the widest " + short_number(widest.width, 3) + " at " +
-         place_text(widest.place) + ": " +
+  return "the wrap closes " + counted(slots.size(), "slot") + " wider than twice the tolerance, the widest " +
+         short_number(widest.width, 3) + " at " + place_text(widest.place) + ": " +
          (job.options.min_grain_radius.given() ? "a smaller --reach opens them"
                                                : "--repair auto, or a larger tolerance, may help");
 }
 
 // A wrap lies outside of the input, so that no sphere can be proved to stay inside of the input.
-std::string standoff_text(const Job& job, double standoff) {
+std::string standoff_text(const PadJob& job, double standoff) {
   return "the wrap stands off the input by up to " + short_number(standoff * job.frame.scale(), 3) +
          ": use a --protrusion above 0, or " +
          (job.options.min_grain_radius.given() ? "leave out --reach" : "--repair auto");
@@ -276,10 +60,12 @@ std::string unproved(const Measured& m, std::size_t spheres) {
 }
 
 // Measures the spheres of one level of detail, as they will be written, and compares them with the tolerance
-// asked for. `why` is what make_spheres() left in it.
-Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& asked, std::string why,
+// asked for.
+Accuracy measure_spheres(const PadJob& job, const RungSpheres& made, const Asked& asked,
                          double& volume_union) {
   job.step("accuracy", 5);
+  std::string why = made.why;
+  std::vector<Ball> balls = made.balls;
   double moved = 0;
   for (Ball& b : balls) {
     const Point there = job.frame.written(b.center);
@@ -314,7 +100,7 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
   report.within = report.within && within_tolerance;
   if (report.reason.empty()) report.reason = reason;
   volume_union = job.frame.back_volume(m.volume_union);
-  job.report.seconds.accuracy += job.clock.lap();
+  report.seconds.accuracy += job.clock.lap();
   return job.frame.back(a);
 }
 
@@ -336,13 +122,24 @@ Accuracy measure_spheres(const Job& job, std::vector<Ball> balls, const Asked& a
               " for");
 }
 
+// T: Cluster or Lod.
 template <class T>
-void store(const RungSpheres& made, const UnitFrame& frame, T& into) {
-  for (std::size_t k = 0; k < made.balls.size(); k++) {
-    into.centers.push_back(frame.back(made.balls[k].center));
-    into.radii.push_back(made.balls[k].radius * frame.scale());
-    into.triangle.push_back(made.triangle[k]);
+void store(const PadJob& job, const RungSpheres& made, const Asked& asked, T& into) {
+  into.accuracy = measure_spheres(job, made, asked, into.volume_union);
+  for (const Ball& ball : made.balls) {
+    into.centers.push_back(job.frame.back(ball.center));
+    into.radii.push_back(ball.radius * job.frame.scale());
   }
+  into.triangle = made.triangle;
+}
+
+// The expected number of entries in a uniform grid with cells as wide as the largest ball, when each ball at
+// a random position is entered in every cell that its box touches.
+double grid_entries(const std::vector<Ball>& balls) {
+  double largest = 0, entries = 0;
+  for (const Ball& ball : balls) largest = std::max(largest, ball.radius);
+  for (const Ball& ball : balls) entries += std::pow(1 + ball.radius / largest, 3);
+  return entries;
 }
 
 // A planner that asks for a gap of 0 may take a solid with holes for covered, and a sheet with its thickness.
@@ -543,7 +340,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   const std::function<void(const char*, int)> step = [&](const char* what, int done) {
     if (progress) progress(what, 100 * done, 600);
   };
-  Clock clock;
+  StepClock clock;
   const Box box = input.bounds();
   const UnitFrame frame(box, name);
   check_meant(options, box, name);
@@ -555,7 +352,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
   // A wrap may stand off the input by no more than the spheres.
   const double tolerance = finest.protrusion > 0 ? finest.protrusion : finest.gap;
   const bool depth_mode = options.by_depth();
-  const double length = depth_mode ? edge_length(options, frame.scale()) : 0;
+  const double length = depth_mode ? edge_length_by_depth(options, frame.scale()) : 0;
 
   step("repair", 0);
   Repaired body;
@@ -567,24 +364,20 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
 
   TellShare within_cull;
   if (progress) within_cull = [&](double share) { progress("cull", 400 + int(100 * share), 600); };
-  const Job job{options, file, input, body, surface, frame, length, report, step, within_cull, clock};
+  const PadJob job{options, file, input, body, surface, frame, length, report, step, within_cull, clock};
   Cluster& c = out.cluster;
   for (std::size_t rung = 0; rung < rungs.size(); rung++) {
     const Asked asked(options, rungs[rung], frame.scale());
-    std::string why;
-    RungSpheres made = make_spheres(job, rungs[rung], why);
+    RungSpheres made =
+        depth_mode ? spheres_by_depth(job, rungs[rung]) : spheres_by_tolerance(job, rungs[rung]);
     if (made.balls.empty()) refuse_nothing(options, name, made.open);
     if (rung + 1 < rungs.size()) {
       Lod& lod = c.lods.emplace_back();
       lod.tolerance = rungs[rung].absolute(frame.scale());
-      lod.accuracy = measure_spheres(job, made.balls, asked, why, lod.volume_union);
-      store(made, frame, lod);
+      store(job, made, asked, lod);
     } else {
-      c.accuracy = measure_spheres(job, made.balls, asked, why, c.volume_union);
-      store(made, frame, c);
-      const auto largest = std::max_element(made.balls.begin(), made.balls.end(),
-                                            [](const Ball& a, const Ball& b) { return a.radius < b.radius; });
-      if (largest != made.balls.end()) report.grid_entries = grid_entries(made.balls, 2 * largest->radius);
+      store(job, made, asked, c);
+      report.grid_entries = grid_entries(made.balls);
       out.mesh = depth_mode ? std::move(made.mesh) : surface.mesh();
     }
   }
@@ -616,7 +409,7 @@ Padded pad(const ReadResult& file, const PadOptions& options, const PadProgress&
 
 Padded pad_file(const std::filesystem::path& path, const ReadOptions& reading, const PadOptions& options,
                 const PadProgress& progress) {
-  Clock clock;
+  StepClock clock;
   const ReadResult file = read_mesh(path, reading);
   const double seconds = clock.lap();
   try {

@@ -54,7 +54,7 @@ class CullSearch {
     cover(tolerance_sum);
     // The bound on both errors from here on: the tolerance, or what the count allowed.
     bound_ = culled.within && options_.tolerance > 0 ? options_.tolerance : 0.5 * tolerance_sum;
-    if (options_.smooth > 0) tolerance_sum = smoother(tolerance_sum, culled);
+    if (options_.smooth > 0) tolerance_sum = smoother(tolerance_sum);
     double dilation = 0.5 * tolerance_sum;
     if (options_.balance == Balance::volume) dilation = true_volume(tolerance_sum, culled);
     if (options_.balance == Balance::mean) dilation = smallest_means(tolerance_sum);
@@ -205,7 +205,7 @@ class CullSearch {
   // Shrinks the tolerance sum until the mean normal error is as asked or the count is used up: dents of the
   // union are as deep as the tolerance sum. Ends where smaller sums are no smoother, as in a thin plate, from
   // which balls of any size stand out alike, and goes back to the smoothest, which has fewer balls.
-  double smoother(double tolerance_sum, Culled& culled) {
+  double smoother(double tolerance_sum) {
     const double least = std::max(0.05 * tolerance_sum, 2 * kSmallestError * diagonal_);
     double smoothest = std::numeric_limits<double>::infinity(), smoothest_sum = tolerance_sum_;
     best_ = cover_;
@@ -224,7 +224,7 @@ class CullSearch {
       last_ratio = std::clamp(ratio * ratio, std::max(kSmallestRatio, allowed), kLargestRatio);
       tolerance_sum = std::max(least, tolerance_sum * last_ratio);
     }
-    cover_ = best_, tolerance_sum_ = smoothest_sum, culled.normal_error = smoothest;
+    cover_ = best_, tolerance_sum_ = smoothest_sum;
     return tolerance_sum_;
   }
 
@@ -262,13 +262,12 @@ class CullSearch {
         tolerance_sum = std::max(0.4 * tolerance_sum, tolerance_sum - 1.1 * surplus);
         continue;
       }
-      culled.volume_ratio = at_low;
       if (at_low >= 1 - kVolumeGoal) return low;
       for (int halving = 0; halving < 12; halving++) {
         const double middle = 0.5 * (low + high);
-        culled.volume_ratio = ratio(middle);
-        if (std::abs(culled.volume_ratio - 1) < 0.2 * kVolumeGoal) return middle;
-        (culled.volume_ratio < 1 ? low : high) = middle;
+        const double at_middle = ratio(middle);
+        if (std::abs(at_middle - 1) < 0.2 * kVolumeGoal) return middle;
+        (at_middle < 1 ? low : high) = middle;
       }
       return 0.5 * (low + high);
     }
@@ -311,11 +310,5 @@ void CullOptions::keep_back(double moved) {
 }
 
 Culled cull(const Surface& surface, const CullOptions& options) { return CullSearch(surface, options).run(); }
-
-double grid_entries(const std::vector<Ball>& balls, double bin) {
-  double entries = 0;
-  for (const Ball& ball : balls) entries += std::pow(1 + 2 * ball.radius / bin, 3);
-  return entries;
-}
 
 }  // namespace padder

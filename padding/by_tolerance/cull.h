@@ -58,8 +58,6 @@ struct Culled {
   // Proved: no point of the body lies outside the balls, as far as they may move. Only for a gap of 0 or
   // below.
   bool filled = false;
-  double normal_error = 0;  // estimate, degrees; only when `smooth` was asked for
-  double volume_ratio = 0;  // estimate of the union's volume over the body's; only for Balance::volume
 };
 
 // Balance::none takes one cover. The others search over the tolerance sum (protrusion plus gap), which takes
@@ -68,9 +66,5 @@ struct Culled {
 // proof, because balls smaller by s stand out by s less and leave a gap larger by s. Throws Error when
 // neither a tolerance nor a count is given, and what cover_surface throws.
 Culled cull(const Surface& surface, const CullOptions& options);
-
-// The expected number of entries in a uniform grid with cells of edge `bin`, when a sphere at a random
-// position is entered in every cell that its box touches: the sum of (1 + 2 r / bin)^3.
-double grid_entries(const std::vector<Ball>& balls, double bin);
 
 }  // namespace padder

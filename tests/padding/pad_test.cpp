@@ -253,6 +253,16 @@ TEST(Pad, ACountIsKept) {
             few.cluster.accuracy.gap_bound + few.cluster.accuracy.protrusion_bound);
 }
 
+// In a grid as wide as the largest sphere, a sphere stands in (1 + r / R)^3 cells on the whole.
+TEST(Pad, GridEntriesAreThoseOfTheSpheres) {
+  const Padded p = by_tolerance(shapes::torus(1, 0.3, 60, 20), 0.02, {.effort = 0});
+  const auto [smallest, largest] = std::ranges::minmax(p.cluster.radii);
+  EXPECT_LT(smallest, largest);
+  double entries = 0;
+  for (const double r : p.cluster.radii) entries += std::pow(1 + r / largest, 3);
+  EXPECT_NEAR(p.report.grid_entries, entries, 1e-9 * entries);
+}
+
 TEST(Pad, ALadderHasEachRungProvedAndIsReadBack) {
   PadOptions options{.lod = {Length::share(0.01), Length::share(0.04), Length::share(0.02)}};
   const Padded p = pad(as_file(shapes::torus(1, 0.3, 60, 20)), options);

@@ -97,7 +97,6 @@ TEST(Cull, VolumeIsMatchedWithinTheTolerance) {
   EXPECT_LE(std::max(culled.protrusion, culled.gap), 0.03 * (1 + 1e-9));
   const double body = mass_properties(torus().mesh()).volume;
   EXPECT_NEAR(union_shape(torus(), culled.balls, 400000).volume / body, 1, 0.01);
-  EXPECT_NEAR(culled.volume_ratio, 1, 0.01);
 }
 
 TEST(Cull, MeansGetSmallerWithinTheTolerance) {
@@ -146,8 +145,7 @@ TEST(Cull, SmoothnessIsReached) {
   const double rough = union_shape(torus(), cull(torus(), {.tolerance = 0.03}).balls).normal_error;
   const Culled smooth = cull(torus(), {.tolerance = 0.03, .smooth = 0.8 * rough});
   expect_proved(torus(), smooth);
-  EXPECT_LE(smooth.normal_error, 0.8 * rough);
-  EXPECT_NEAR(smooth.normal_error, union_shape(torus(), smooth.balls, 300000).normal_error, 0.5);
+  EXPECT_LE(union_shape(torus(), smooth.balls).normal_error, 0.8 * rough);
 }
 
 // From a plate that is much thinner than the tolerance, balls of any size stand out alike.
@@ -156,7 +154,7 @@ TEST(Cull, WhatGetsNoSmootherIsNotMadeFiner) {
   const Culled rough = cull(plate, {.tolerance = 0.1, .effort = 0});
   const Culled smooth = cull(plate, {.tolerance = 0.1, .smooth = 45, .effort = 0});
   expect_proved(plate, smooth);
-  EXPECT_GT(smooth.normal_error, 45);
+  EXPECT_GT(union_shape(plate, smooth.balls).normal_error, 45);
   EXPECT_LE(smooth.balls.size(), 2 * rough.balls.size());
 }
 
@@ -178,7 +176,8 @@ TEST(Cull, SmoothnessTakesWhatTheCountAllows) {
   expect_proved(torus(), smooth);
   EXPECT_LE(smooth.balls.size(), count);
   EXPECT_GT(smooth.balls.size(), rough.balls.size());
-  EXPECT_LT(smooth.normal_error, 0.9 * union_shape(torus(), rough.balls).normal_error);
+  EXPECT_LT(union_shape(torus(), smooth.balls).normal_error,
+            0.9 * union_shape(torus(), rough.balls).normal_error);
 }
 
 // The smallest error that so many spheres can keep is known: a smaller one is not tried.
@@ -196,10 +195,6 @@ TEST(Cull, NothingIsTriedThatACountForbids) {
 }
 
 TEST(Cull, SomethingMustBeAsked) { EXPECT_THROW(cull(torus(), {}), Error); }
-
-TEST(Cull, GridEntries) {
-  EXPECT_DOUBLE_EQ(grid_entries({{Point::Zero(), 0.5}, {Point::Zero(), 0.25}}, 1), 8 + 3.375);
-}
 
 }  // namespace
 }  // namespace padder
