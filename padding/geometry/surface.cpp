@@ -124,21 +124,10 @@ Surface::Surface(const Mesh& mesh, SideBy side, std::shared_ptr<const Surface> s
     const Point& a = mesh_.corner(t, 0);
     Slot& slot = slots_[k];
     slot.a = a, slot.ab = mesh_.corner(t, 1) - a, slot.ac = mesh_.corner(t, 2) - a;
-    slot.find_normal();
   }
   cut_needles();
   if (!parts_) tree_.find_slabs(mesh_, tree_.triangles());
   find_normals();
-}
-
-void Surface::Slot::find_normal() {
-  // `least` is for the rounding of distances themselves.
-  constexpr double least = 1e-14, epsilon = std::numeric_limits<double>::epsilon();
-  const Vector n = ab.cross(ac);
-  const double length = n.norm();
-  normal = length > 0 ? Vector(n / length) : Vector::Zero();
-  // Where rounding decides the angle between the sides, this is so large that at_least() rules out nothing.
-  doubt = length > 0 ? std::max(least, 8 * epsilon * ab.norm() * ac.norm() / length) : 1;
 }
 
 // A needle that lies across the axes has a box of many times its area. The centre of a star of thousands of
@@ -272,13 +261,11 @@ Nearest Surface::nearest(const Point& p, double limit) const {
   Nearest best;
   double limit2 = limit * limit;
   bool found = false;
-  const double size = p.cwiseAbs().sum();
   near_tree().visit_near(p, limit2, [&](std::uint32_t part) {
     Point q;
     int feature;
     const std::uint32_t k = parts_ ? parts_->slot[part] : part;
     const Slot& slot = slots_[k];
-    if (const double least = slot.at_least(p, size); least > 0 && least * least >= limit2) return false;
     const double d2 = closest(p, slot.a, slot.ab, slot.ac, q, feature);
     if (d2 < limit2) limit2 = d2, best.point = q, best.triangle = tree_.triangles()[k], found = true;
     return false;
@@ -298,13 +285,11 @@ Nearest Surface::clearance(const Point& p, double limit) const {
   Entry stack[TriangleTree::kStackSize];
   int top = 0;
   stack[top++] = {-std::numeric_limits<double>::infinity(), 0, 0};
-  const double size = p.cwiseAbs().sum();
   while (top > 0) {
     const Entry entry = stack[--top];
     if (entry.least >= limit) continue;
     for (std::uint32_t k = entry.child; k < entry.child + entry.count; k++) {
       const Slot& slot = slots_[k];
-      if (slot.at_least(p, size) - slot_standoff_[k] >= limit) continue;
       Point q;
       int feature;
       const double distance = std::sqrt(closest(p, slot.a, slot.ab, slot.ac, q, feature));
@@ -533,14 +518,13 @@ std::optional<int> Surface::crossings(const Point& p, const Vector& direction,
 }
 
 bool Surface::any_within(const Point& p, double limit) const {
+  if (limit <= 0) return false;
   double limit2 = limit * limit;
-  const double size = p.cwiseAbs().sum();
   bool found = false;
   near_tree().visit_near(p, limit2, [&](std::uint32_t part) {
     Point q;
     int feature;
     const Slot& slot = slots_[parts_ ? parts_->slot[part] : part];
-    if (slot.at_least(p, size) >= limit) return false;
     return found = closest(p, slot.a, slot.ab, slot.ac, q, feature) < limit2;
   });
   return found;

@@ -135,21 +135,9 @@ class Surface {
   const Box& bounds() const { return bounds_; }
 
  private:
-  // A triangle of the tree, prepared for distances. A ball may touch the inside of a cylinder along a circle,
-  // where hundreds of triangles are about as near. The distance from its plane, which is cheap, rules out
-  // nearly all of them.
-  struct Slot {
+  struct Slot {  // a triangle of the tree, prepared for distances
     Point a;
     Vector ab, ac;
-    Vector normal;       // of length 1
-    double doubt;        // more than rounding may have turned the normal, radians
-    void find_normal();  // of ab and ac
-
-    // No point of the triangle is nearer to p than this, however distances are rounded. `size`: |p| or more.
-    double at_least(const Point& p, double size) const {
-      const Vector from = p - a;
-      return std::abs(normal.dot(from)) - doubt * (from.cwiseAbs().sum() + size);
-    }
   };
 
   Nearest signed_nearest_in_hull(const Point& p, const Nearest& nearest) const;

@@ -111,6 +111,7 @@ void compare(const Mesh& mesh, RandomInput& random, int questions) {
     ASSERT_NEAR(surface.nearest(p, 1.01 * distance).distance, distance, slack);
     ASSERT_FALSE(surface.any_within(p, 0.99 * distance));
     ASSERT_TRUE(surface.any_within(p, 1.01 * distance));
+    ASSERT_FALSE(surface.any_within(p, -1.01 * distance));
   }
 }
 
