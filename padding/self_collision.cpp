@@ -108,8 +108,8 @@ std::vector<Apart> self_collisions(const Model& model, int poses) {
       if (parts[a].radius > 0 && parts[b].radius > 0 && !known.contains({a, b})) pairs.push_back({a, b});
 
   std::vector<Apart> out;
-  const auto meets = [&](const Pair& pair, const std::vector<Eigen::Isometry3d>& poses) {
-    return touch(parts[pair.a], parts[pair.b], poses[pair.a].inverse() * poses[pair.b]);
+  const auto meets = [&](const Pair& pair, const std::vector<Eigen::Isometry3d>& pose) {
+    return touch(parts[pair.a], parts[pair.b], pose[pair.a].inverse() * pose[pair.b]);
   };
   const std::vector<Eigen::Isometry3d> first = poses_at(model, first_values(model));
   const std::vector<std::size_t> held = parts_of(model, is_free);
