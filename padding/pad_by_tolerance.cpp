@@ -25,7 +25,7 @@ CullOptions cull_options(const PadJob& job, const Length& tolerance) {
     c.only_protrusion = options.protrusion_used().in_unit_frame(diagonal);
     c.only_gap = options.gap_used().in_unit_frame(diagonal);
   } else if ((crack > 0 || chord_error > 0) && c.tolerance > 0) {
-    if (c.max_spheres == 0 && c.balance == Balance::none && !(options.smooth > 0))
+    if (c.max_spheres == 0 && options.balance == Balance::none && !(options.smooth > 0))
       c.only_protrusion = c.only_gap = c.tolerance;
     else
       c.tolerance = gap_left(c.tolerance, std::max(crack, chord_error));

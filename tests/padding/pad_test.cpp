@@ -629,6 +629,19 @@ TEST(Pad, TheWidthOfAClosedCrackIsTakenOffTheTolerance) {
   }
 }
 
+// The same box: the spheres get the body's volume although a crack was closed.
+TEST(Pad, SpheresAreBalancedAlsoWhereACrackWasClosed) {
+  const Mesh mesh = joined(shapes::without(kCube, [](auto p) { return p.z() == 1; }),
+                           moved(shapes::square(1, 3), {0, 0, 1 + 1.5e-4}));
+  PadOptions options;
+  options.tolerance = Length::of(0.02), options.balance = Balance::volume, options.effort = 0;
+  const Padded p = pad(as_file(mesh), options);
+  EXPECT_TRUE(p.cluster.accuracy.certified) << p.report.reason;
+  EXPECT_NEAR(p.cluster.volume_union, 1, 0.01);
+  options.balance = Balance::none;
+  EXPECT_GT(pad(as_file(mesh), options).cluster.volume_union, 1.02);
+}
+
 // Two halves of a box that nearly meet. Joining their corners moves one of them, and the errors are against
 // the input.
 TEST(Pad, JoinedCornersAreTakenOffBothErrors) {
