@@ -33,10 +33,14 @@ const std::vector<Entry>& entries() {
        "-o --spheres --backend --threads --repeat"},
       {"scenes", "sparse and uneven scenes beside dense, standing and (--moving) moving", scenes,
        "-o --spheres --backend --threads --repeat --scene --moving --stable --history --margin"},
+      {"motions", "scenes that travel, turn, draw together, fly apart, come and go", motions,
+       "-o --spheres --backend --threads --repeat --scene --stable"},
+      {"mixtures", "random scenes beside dense, the slowest of them with their seeds", mixtures,
+       "-o --spheres --backend --threads --repeat --stable --count --seed"},
       {"piles", "piles of padded bodies, from those that barely touch to packed ones", piles,
        "-o --spheres --backend --threads --repeat --scene FILE"},
       {"shapes", "bodies of many shapes: searched first, expanded, and as the detector decides", shapes,
-       "-o --backend --threads --repeat --scene"},
+       "-o --backend --threads --repeat --scene --stable --count --seed"},
       {"worlds", "many worlds in one call, and answers for each: beside Bullet and FCL on the CPU", worlds,
        "-o --spheres --backend --threads --repeat FILE"},
       {"stages", "milliseconds of each stage, the nine stages and the fast path", stages,
@@ -162,16 +166,20 @@ int main(int argc, char** argv) {
       ->type_name("N,N,...");
   app.add_option(
          "--scene", s.scene,
-         "one scene, spacing, shape or mesh only (scaling, piles, shapes, boxes, precision, hard); this one "
-         "and dense (scenes); clumps of three spheres instead of grains (table3)")
+         "one scene, spacing, shape or mesh only (scaling, motions, piles, shapes, boxes, precision, hard); "
+         "this one and dense (scenes); clumps of three spheres instead of grains (table3)")
       ->type_name("NAME");
   app.add_flag("--moving", s.moving, "measure a scene in motion as well (scenes)");
-  app.add_flag("--stable", s.stable, "a list of stable order (scenes)");
+  app.add_flag("--stable", s.stable, "a list of stable order (scenes, motions, mixtures, shapes)");
   app.add_flag("--history", s.history, "measure a list with a history as well (scenes)");
   app.add_option("--margin", s.margin, "measure with a margin of so many mean radii as well (scenes)")
       ->type_name("X")
       ->check(CLI::Range(0.0, 1000.0))
       ->check(padder::cli::decimal());
+  add_whole(app, "--count", s.count, "so many random scenes (mixtures; shapes --scene mixtures)", 1, 1000000)
+      ->capture_default_str();
+  add_whole(app, "--seed", s.seed, "of the first of them; the next ones follow", 0, 1'000'000'000)
+      ->capture_default_str();
   app.add_option("--backend", s.backend, "auto (each that is there, the default), omp or cuda")
       ->type_name("WHICH")
       ->check(CLI::IsMember({"auto", "omp", "cuda"}));

@@ -29,6 +29,7 @@ struct Settings {
   bool moving = false, stable = false;  // scenes: spheres move between calls as well; a stable order
   double margin = 0;                    // scenes: measured as well, in mean radii
   bool history = false;                 // scenes: the same with a history as well
+  std::uint64_t count = 50, seed = 1;   // mixtures: so many, from this seed on
   bool json = false, quiet = false;
   std::filesystem::path folder;  // empty: no files
 };
@@ -43,7 +44,9 @@ Json bodies(const Settings&);      // scaling.cpp; its rows of bodies alone
 Json piles(const Settings&);       // piles.cpp
 Json shapes(const Settings&);      // shapes.cpp
 Json stages(const Settings&);      // stages.cpp
-Json scenes(const Settings&);      // scenes.cpp
+Json scenes(const Settings&);      // scenes/scenes.cpp
+Json motions(const Settings&);     // scenes/motions.cpp
+Json mixtures(const Settings&);    // scenes/mixtures.cpp
 Json boxes(const Settings&);       // boxes.cpp
 Json ranks(const Settings&);       // ranks.cpp; to be started by mpirun
 Json worlds(const Settings&);      // worlds.cpp

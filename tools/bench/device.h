@@ -78,24 +78,27 @@ class DeviceSpheres {
 };
 
 // Bodies whose poses are in the memory of a GPU. Without a GPU, or when some bodies are static, the poses are
-// in the bodies themselves, and each call says that the first `moving` bodies have moved. Borrows the scene.
+// in the bodies themselves, and each call says that the first `moving` bodies have moved. Borrows all.
 class DeviceBodies {
  public:
-  DeviceBodies(const detect::BodyScene& scene, std::uint32_t moving, bool on_device)
-      : shape_{{scene.shape.data(), scene.shape.size()}} {
-    input_.shapes = shape_, input_.bodies = scene.bodies, input_.revision = 1;
-    if (moving < scene.bodies.size()) {
+  DeviceBodies(std::span<const std::vector<detect::Sphere>> shapes, std::span<const detect::Body> bodies,
+               std::uint32_t moving, bool on_device) {
+    for (const std::vector<detect::Sphere>& s : shapes) shapes_.push_back({s.data(), s.size()});
+    input_.shapes = shapes_, input_.bodies = bodies, input_.revision = 1;
+    if (moving < bodies.size()) {
       for (std::uint32_t b = 0; b < moving; b++) moved_.push_back(b);
       input_.moved = moved_;
       return;
     }
-    if (!kWithCuda || !on_device || scene.bodies.empty()) return;
-    input_.poses = memory_.copy(scene.bodies, "the bodies"), input_.pose_memory = detect::Memory::device;
+    if (!kWithCuda || !on_device || bodies.empty()) return;
+    input_.poses = memory_.copy(bodies, "the bodies"), input_.pose_memory = detect::Memory::device;
   }
+  DeviceBodies(const detect::BodyScene& scene, std::uint32_t moving, bool on_device)
+      : DeviceBodies({&scene.shape, 1}, scene.bodies, moving, on_device) {}
   const detect::Input& input() const { return input_; }
 
  private:
-  detect::Shape shape_[1];
+  std::vector<detect::Shape> shapes_;
   std::vector<std::uint32_t> moved_;
   detect::Input input_;
   DeviceArray memory_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-#include "tools/bench/uneven_scenes.h"
+#include "tools/bench/scenes/uneven_scenes.h"
 
 #include <algorithm>
 #include <cmath>

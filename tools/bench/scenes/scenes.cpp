@@ -4,12 +4,12 @@
 // calls, back and forth through some frames; copying a frame to where the detector reads is not timed.
 #include <algorithm>
 #include <cstring>
-#include <ctime>
 
 #include "padding/asset/error.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/device.h"
-#include "tools/bench/uneven_scenes.h"
+#include "tools/bench/scenes/shown_spheres.h"
+#include "tools/bench/scenes/uneven_scenes.h"
 
 namespace padder::bench {
 namespace {
@@ -112,25 +112,6 @@ class Frames {
   detect::Input input_;
 };
 
-struct Times {
-  double median = 0, worst = 0;
-  double processor = 0;  // median of the time that this process had one: other programs change it least
-};
-Times timed(detect::Detector& d, Frames& frames, int calls, bool moving) {
-  for (int k = 0; k < 8; k++) {
-    if (moving) frames.show(k);
-    detect_watched(d, frames.input());
-  }
-  std::vector<double> times, processor;
-  for (int k = 0; k < calls; k++) {
-    if (moving) frames.show(8 + k);
-    const std::clock_t before = std::clock();
-    times.push_back(seconds_of([&] { detect_watched(d, frames.input()); }));
-    processor.push_back(static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC);
-  }
-  return {median(times), *std::max_element(times.begin(), times.end()), median(processor)};
-}
-
 struct Row {
   const UnevenScene* scene;
   Layout layout;
@@ -151,23 +132,25 @@ class Table {
     o.order = s.stable ? detect::Order::stable : detect::Order::any;
     detect::Detector d({backend}, o);
     const int calls = std::max(s.repeat, cuda ? 21 : 3);
-    Times standing = timed(d, frames, calls, false);
+    const auto show = [&](int k) { frames.show(k); };
+    Times standing = timed(d, frames.input(), calls);
     if (cuda) standing.processor = 0;  // of a thread that waits
     const std::uint64_t contacts = detect_watched(d, frames.input()).count, hash = hash_watched(d);
-    verify(frames, *r.scene, name + " " + std::to_string(n), contacts, hash, cuda);
+    check_contacts(d, contacts, frames.input(), frames.host_input(),
+                   {name + " " + std::to_string(n), r.scene->crowds_nine_stages});
     o.timings = true;
     detect::Detector by_stages({backend}, o);
     detect::Seconds stages;
     for (int k = 0; k < 5; k++) stages = detect_watched(by_stages, frames.input()).seconds;
     o.timings = false;
     Times moving;
-    if (s.moving) moving = timed(d, frames, std::max(calls, 100), true);
+    if (s.moving) moving = timed(d, frames.input(), std::max(calls, 100), show);
     Times followed, followed_moving;
     if (s.history) {
       o.history = true;
       detect::Detector with_history({backend}, o);
-      followed = timed(with_history, frames, calls, false);
-      if (s.moving) followed_moving = timed(with_history, frames, std::max(calls, 100), true);
+      followed = timed(with_history, frames.input(), calls);
+      if (s.moving) followed_moving = timed(with_history, frames.input(), std::max(calls, 100), show);
     }
     const Near near = s.margin > 0 ? with_margin(r, frames, spheres, backend, o, calls) : Near{};
     const double work = static_cast<double>(n) + static_cast<double>(contacts), each = standing.median / work,
@@ -231,23 +214,6 @@ class Table {
   Json table = Json::array({Json::array()});  // its headings, and a row for each scene
 
  private:
-  // The nine stages decide every pair in double, on a way of their own. They have bins of one size, so that
-  // the processor's grid checks the scenes in which many small spheres lie in the bins of large ones. The
-  // processor's own rows of these scenes are checked by nothing else.
-  static void verify(Frames& frames, const UnevenScene& scene, const std::string& name,
-                     std::uint64_t contacts, std::uint64_t hash, bool cuda, double margin = 0) {
-    detect::CallOptions o;
-    o.margin = margin;
-    o.width = detect::Width::pairs;
-    o.path = scene.crowds_nine_stages ? detect::Path::grid : detect::Path::nine_stages;
-    cuda = cuda && !scene.crowds_nine_stages;
-    if (cuda) o.output = detect::Memory::device;
-    detect::Detector reference({cuda ? detect::BackendKind::cuda : detect::BackendKind::omp}, o);
-    if (detect_watched(reference, cuda ? frames.input() : frames.host_input()).count != contacts ||
-        hash_watched(reference) != hash)
-      throw Error("the fast path and the reference differ at " + name);
-  }
-
   // Standing, with a margin; and spheres that are larger by half of it, without one.
   struct Near {
     double seconds = 0, seconds_grown = 0;
@@ -257,20 +223,20 @@ class Table {
                    detect::BackendKind backend, detect::CallOptions o, int calls) const {
     double sum = 0;
     for (const FloatSphere& s : spheres) sum += s.r;
-    frames.show(0);  // what verify() compares with
+    frames.show(0);  // what is checked
     o.history = false, o.margin = settings_.margin * sum / static_cast<double>(spheres.size());
     detect::Detector d({backend}, o);
-    const double median = timed(d, frames, calls, false).median;
+    const double median = timed(d, frames.input(), calls).median;
     const std::uint64_t contacts = detect_watched(d, frames.input()).count;
     const bool cuda = backend == detect::BackendKind::cuda;
-    verify(frames, *r.scene, std::string(r.scene->name) + " with a margin", contacts, hash_watched(d), cuda,
-           o.margin);
+    check_contacts(d, contacts, frames.input(), frames.host_input(),
+                   {std::string(r.scene->name) + " with a margin", r.scene->crowds_nine_stages, o.margin});
     std::vector<FloatSphere> grown = spheres;
     for (FloatSphere& s : grown) s.r += static_cast<float>(o.margin / 2);
     Frames larger(grown, 1, r.layout, cuda);
     o.margin = 0;
     detect::Detector plain({backend}, o);
-    return {median, timed(plain, larger, calls, false).median, contacts};
+    return {median, timed(plain, larger.input(), calls).median, contacts};
   }
 
   const Settings& settings_;
