@@ -52,10 +52,10 @@ void widen_rings(Grid& g, std::uint64_t spheres) {
 // sphere, the table of bins is longer than the list of spheres, and coarser spheres visit empty rows. Then
 // the edge is up to 1.26 times as long, in steps, so that it seldom changes while spheres move. No longer:
 // spheres may lie in a small part of their bounds, and bins in float (bins.h) rely on spheres that reach a
-// bin far.
-double size_of_sparse(const Summary::Octave& all, double size) {
-  const double emptier = 0.3 / density_of(all, size);
-  if (emptier < 1 || emptier > 0.3 * 8) return size;
+// bin far. Where probes say that they do, it stays: with 1.26 times the edge bins hold twice as many.
+double size_of_sparse(const Summary::Octave& all, double size, double probed) {
+  const double density = density_of(all, size), emptier = 0.3 / density;
+  if (emptier < 1 || emptier > 0.3 * 8 || probed > 2 * density) return size;
   return rounded_up(size * std::exp2(std::floor(2 * std::log2(emptier)) / 6));
 }
 
@@ -194,17 +194,18 @@ int octaves_above(std::span<const std::uint64_t, kExponents> of_exponent) {
   return largest - best;
 }
 
-Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, CrossSearch cross_search,
+Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, Processor processor,
                  GridBounds bounds) {
   Grid g;
   if (given.count == 0) return g;
+  const bool gpu = processor == Processor::gpu;
   const Summary s = grown(given);
-  const std::vector<Run> runs = divide_into_levels(s, cross_search);
+  const std::vector<LevelRun> runs = divide_into_levels(s, processor);
   g.levels = static_cast<std::int32_t>(runs.size());
   g.top = exponent_of(s.need_max) - s.above;
   g.buckets = 0;
   for (std::size_t level = 0; level < runs.size(); level++) {
-    const Run& run = runs[level];
+    const LevelRun& run = runs[level];
     const Summary::Octave all = joined(s, run);
     for (int k = run.coarsest; k <= run.finest; k++)
       if (s.octave[k].count) g.level_of_octave[k] = static_cast<std::uint8_t>(level);
@@ -214,25 +215,23 @@ Grid choose_grid(const Summary& given, double bin_size, double bins_per_sphere, 
     const double need = all.need_max > 2.1 * all.radius_max ? 1.07 * all.need_max : all.need_max;
     l.size =
         all.need_max > 0 ? rounded_up(std::max(need, bin_size)) : rounded_up(bin_size > 0 ? bin_size : 1);
-    if (cross_search == CrossSearch::coarse_to_fine && runs.size() > 1) l.size = size_of_sparse(all, l.size);
+    if (gpu && runs.size() > 1) l.size = size_of_sparse(all, l.size, run.density);
     l.per_size = 1 / l.size, l.units = std::ldexp(l.per_size, kUnitBits), l.radius_max = all.radius_max,
     l.grown_by = s.grown_by;
     l.spheres = most_spheres(all.count, runs.size() == 1, bounds);
     // A level with few spheres may have as many bins as the finer levels: as its bins are coarser, it has
     // fewer.
     const double many =
-        std::max(bins_per_sphere * static_cast<double>(all.count),
-                 cross_search != CrossSearch::fine_to_coarse ? 2 * static_cast<double>(s.count) : 0);
+        std::max(bins_per_sphere * static_cast<double>(all.count), 2 * static_cast<double>(s.count));
     const double most = runs.size() == 1 ? 0x1p31 : 0x1p28;
     // Coarse levels have few bins, and a step of one would be passed often: all levels share one grid, which
     // any of them changes.
     // A GPU wants bins in float, also when bounds are wider than the spheres are.
-    const std::int64_t most_along =
-        cross_search == CrossSearch::coarse_to_fine ? kMostFloatBins * 15 / 16 - 8 : INT64_MAX;
+    const std::int64_t most_along = gpu ? kMostFloatBins * 15 / 16 - 8 : INT64_MAX;
     lay_out(l, all, bins_per_sphere > 0 ? std::min(many + 4096, most) : 0, most_along, bounds,
             level > 0 ? 4 : 1);
   }
-  if (cross_search == CrossSearch::coarse_to_fine) widen_rings(g, s.count);
+  if (gpu) widen_rings(g, s.count);
   for (int k = 0; k < g.levels; k++) g.level[k].offset = g.buckets, g.buckets += g.level[k].buckets;
   return g;
 }

@@ -219,8 +219,8 @@ bool needs_octaves(const Summary& s);
 // Host code. The summary with all spheres in octave 0 if its octaves were not counted.
 Summary with_octaves(const Summary& s);
 
-// Which of two levels searches the other. `cheaper`: whichever costs less, pair by pair.
-enum class CrossSearch { fine_to_coarse, coarse_to_fine, cheaper };
+// What searches, by whose costs the levels are chosen. A GPU also wants bins in float.
+enum class Processor { cpu, gpu };
 // Host code. The hash of a ring of 2^bits buckets. It spreads boxes, planes and lines of bins evenly.
 struct Hash {
   std::uint32_t row, plane, side;
@@ -234,12 +234,11 @@ Hash hash_of_ring(int bits);
 // spheres more or less seldom change the grid; of tight bounds it is the number.
 enum class GridBounds { tight, stepped, wide };
 
-// Host code. Merges octaves into the levels that cost least for that way of searching, and lays out their
+// Host code. Merges octaves into the levels that cost least to search on that processor, and lays out their
 // bins: dense up to about `bins_per_sphere` bins for each sphere (0: none), hashed beyond. `bin_size` is a
 // lower bound for the edge of the finest bins; 0: none. There are never more than 2^32 buckets.
 Grid choose_grid(const Summary& s, double bin_size, double bins_per_sphere = 8,
-                 CrossSearch cross_search = CrossSearch::fine_to_coarse,
-                 GridBounds bounds = GridBounds::tight);
+                 Processor processor = Processor::cpu, GridBounds bounds = GridBounds::tight);
 // Host code. Does the grid serve these spheres? Each has a level whose bins are wide enough for it, and lies
 // within the level's bounds. The grid need not be the one that choose_grid() would choose.
 bool covers(const Grid& grid, const Summary& s);

@@ -18,42 +18,8 @@ void join(Summary::Octave& all, const Summary::Octave& o) {
 
 using Octaves = std::vector<Summary::Octave>;  // from the finest to the coarsest; at most kMaxLevels
 
-// The mean number of spheres in a bin of a level with bins for octave b. The mean is taken over the bins in
-// which the spheres of an octave search: a lone large sphere fills its own bin, but few spheres are near it.
-// It is that of spheres which are spread evenly over the bounds of their octave, or what probes say, if that
-// is more.
-class BinDensity {
- public:
-  BinDensity(const Octaves& octaves, std::size_t b, const ProbedDensity& probed)
-      : probed_(probed), octaves_(octaves), b_(b), size_(octaves[b].need_max) {
-    for (std::size_t k = 0; k < octaves.size(); k++)
-      for (int c = 0; c < 3; c++)
-        wide_[k][c] = octaves[k].high[c] - octaves[k].low[c] + size_, per_wide_[k][c] = 1 / wide_[k][c];
-  }
-  // Adds an octave to the level: first b, and then always the next finer one.
-  void add(std::size_t a) {
-    const Summary::Octave& o = octaves_[a];
-    double in_bin = static_cast<double>(o.count);
-    for (int c = 0; c < 3; c++) in_bin *= std::min(1.0, size_ / (o.high[c] - o.low[c] + o.need_max));
-    for (std::size_t k = 0; k < octaves_.size(); k++) {
-      double part = in_bin;
-      for (int c = 0; c < 3; c++) part *= std::min(1.0, wide_[a][c] * per_wide_[k][c]);
-      sum_[k] += part;
-    }
-    a_ = a;
-  }
-  double seen_by(std::size_t k) const { return std::max(sum_[k], probed_.in_bin(a_, b_, k)); }
-
- private:
-  const ProbedDensity& probed_;
-  const Octaves& octaves_;
-  std::size_t a_ = 0, b_;
-  double size_, wide_[kMaxLevels][3], per_wide_[kMaxLevels][3], sum_[kMaxLevels] = {};
-};
-
-// The functions below estimate what the search costs on a CPU, in nanoseconds. The constants were measured on
-// one machine. Spheres are assumed to be spread evenly over the box of their octave or level, or to be as
-// many in a bin as probes say, if that is more.
+// What a search costs is estimated. Spheres are assumed to be spread evenly over the box of their octave or
+// level, or to be as many in a bin as probes say, if that is more.
 double bins_along(const Summary::Octave& o, int axis, double size) {
   return (o.high[axis] - o.low[axis]) / size + 1;
 }
@@ -68,35 +34,73 @@ double fraction_near(const Summary::Octave& from, const Summary::Octave& at, dou
   }
   return all > 0 ? near / all : 1;
 }
-// The cost of testing the candidates of a row of bins. Eight are tested at once, and a row begins and ends
-// anywhere, so half a vector is wasted on average.
-double row_cost(double candidates) { return 4.5 * std::max(1.0, candidates / 8 + 0.5); }
-// The cost of a sphere of `from` that searches the finer level `at`, whose bins have this size, row by row. A
-// radius of 0.7 of the largest one is taken for the usual one, and the ball around the sphere crosses 0.8 of
-// the rows in the box around it.
-double coarse_to_fine_cost(const Summary::Octave& from, const Summary::Octave& at, double size,
-                           double probed) {
-  if (!(size > 0)) return 0;
-  const double search_radius = 0.7 * from.radius_max + at.radius_max, wide = 2 * search_radius / size + 1,
-               density = std::max(density_of(at, size), probed);
-  double rows = 0.8;
-  for (int c = 1; c < 3; c++) rows *= std::min(wide, bins_along(at, c, size));
-  const double row = 8 + row_cost(density * 0.8 * std::min(wide, bins_along(at, 0, size)));
-  return 15 + fraction_near(from, at, search_radius) * (25 + rows * row);
-}
-// The cost of a sphere of `from` that searches the coarser level `at`, whose bins have this size. It finds
-// all spheres that reach into its bin in one list. Its part of the cost of the lists counts, too.
-double fine_to_coarse_cost(const Summary::Octave& from, const Summary::Octave& at, double size,
-                           double probed) {
-  const double density = std::max(density_of(at, size), probed),
-               wide = (1.4 * at.radius_max + 2 * from.radius_max) / size + 1, listed = wide * wide * wide,
-               reach = from.radius_max + at.radius_max;
-  return 6 +
-         fraction_near(from, at, reach) *
-             (3 + 4 * std::min(listed * density, static_cast<double>(at.count))) +
-         static_cast<double>(at.count) / static_cast<double>(from.count) *
-             (5 + fraction_near(at, from, reach) * 5 * listed);
-}
+double cube(double x) { return x * x * x; }
+
+// Nanoseconds of one thread of a CPU, measured on one machine.
+struct CpuCosts {
+  // For each sphere, if there is but one level: its level and key need not be found.
+  static constexpr double kSingle = -8;
+  // The finer spheres search where that costs less.
+  static constexpr double kMuchCheaper = 1;
+
+  // Testing the candidates of a row of bins. Eight are tested at once, and a row begins and ends anywhere, so
+  // half a vector is wasted on average.
+  static double row(double candidates) { return 4.5 * std::max(1.0, candidates / 8 + 0.5); }
+  // A sphere that searches its own level, with so many spheres in a bin.
+  static double own_level(double density) { return 10 + 5 * row(3 * density); }
+  // A sphere of `from` that searches the finer level `at`, whose bins have this size, row by row. A radius of
+  // 0.7 of the largest one is taken for the usual one, and the ball around the sphere crosses 0.8 of the rows
+  // in the box around it.
+  static double coarse_to_fine(const Summary::Octave& from, const Summary::Octave& at, double size,
+                               double density) {
+    if (!(size > 0)) return 0;
+    const double search_radius = 0.7 * from.radius_max + at.radius_max, wide = 2 * search_radius / size + 1;
+    double rows = 0.8;
+    for (int c = 1; c < 3; c++) rows *= std::min(wide, bins_along(at, c, size));
+    const double each = 8 + row(density * 0.8 * std::min(wide, bins_along(at, 0, size)));
+    return 15 + fraction_near(from, at, search_radius) * (25 + rows * each);
+  }
+  // A sphere of `from` that searches the coarser level `at`, whose bins have this size. It finds all spheres
+  // that reach into its bin in one list. Its part of the cost of the lists counts, too.
+  static double fine_to_coarse(const Summary::Octave& from, const Summary::Octave& at, double size,
+                               double density) {
+    const double wide = (1.4 * at.radius_max + 2 * from.radius_max) / size + 1, listed = cube(wide),
+                 reach = from.radius_max + at.radius_max;
+    return 6 +
+           fraction_near(from, at, reach) *
+               (3 + 4 * std::min(listed * density, static_cast<double>(at.count))) +
+           static_cast<double>(at.count) / static_cast<double>(from.count) *
+               (5 + fraction_near(at, from, reach) * 5 * listed);
+  }
+};
+
+// On a GPU. A unit is a tenth of what 27 bins with a sphere in each cost a sphere. Fitted to 247 scenes, each
+// with up to 90 divisions into levels that were timed on an H200 (docs/experiments/levels.md). What each
+// sphere costs anyhow is left out, and so is what a level costs: it is too little.
+struct GpuCosts {
+  // For each sphere, if there is but one level: a faster kernel searches it.
+  static constexpr double kSingle = -1.8;
+  // The finer spheres search where that costs far less (detect/cuda/search/level_pairs.cu).
+  static constexpr double kMuchCheaper = 4;
+
+  static double own_level(double density) { return 10 * density; }
+  // Row by row, as on a CPU. Finding a row of bins costs as much as many tests.
+  static double coarse_to_fine(const Summary::Octave& from, const Summary::Octave& at, double size,
+                               double density) {
+    if (!(size > 0)) return 0;
+    const double search_radius = from.radius_max + at.radius_max, wide = 2 * search_radius / size + 1;
+    double rows = 0.8;
+    for (int c = 1; c < 3; c++) rows *= std::min(wide, bins_along(at, c, size));
+    const double each = 4 + 0.25 * density * 0.8 * std::min(wide, bins_along(at, 0, size));
+    return fraction_near(from, at, search_radius) * rows * each;
+  }
+  // The finer sphere searches up to 27 bins, and what it finds there mostly does not touch it.
+  static double fine_to_coarse(const Summary::Octave& from, const Summary::Octave& at, double,
+                               double density) {
+    return fraction_near(from, at, from.radius_max + at.radius_max) * (6.5 + 25 * density);
+  }
+};
+
 // Two levels as if each were an octave. The bounds of a hashed one tell nothing: where it has spheres it has
 // about one in a bin, and they are taken to be near those of the other level.
 struct TwoOctaves {
@@ -120,95 +124,76 @@ TwoOctaves as_octaves(const Level& from, const Level& at) {
 struct CrossCosts {
   double by_coarse[kMaxLevels][kMaxLevels] = {}, by_fine[kMaxLevels][kMaxLevels] = {};  // [coarser][finer]
 };
+template <class Costs>
 CrossCosts cross_costs(const Octaves& octaves, const ProbedDensity& probed) {
   CrossCosts cost;
+  const auto near = [&](std::size_t at, std::size_t from) {
+    return probed.in_bin(at, at, from).clamped(density_of(octaves[at], octaves[at].need_max));
+  };
   for (std::size_t f = 0; f < octaves.size(); f++)
     for (std::size_t c = f + 1; c < octaves.size(); c++) {
       const Summary::Octave &fine = octaves[f], &coarse = octaves[c];
-      cost.by_coarse[c][f] = static_cast<double>(coarse.count) *
-                             coarse_to_fine_cost(coarse, fine, fine.need_max, probed.in_bin(f, f, c));
-      cost.by_fine[c][f] = static_cast<double>(fine.count) *
-                           fine_to_coarse_cost(fine, coarse, coarse.need_max, probed.in_bin(c, c, f));
+      cost.by_coarse[c][f] =
+          static_cast<double>(coarse.count) * Costs::coarse_to_fine(coarse, fine, fine.need_max, near(f, c));
+      cost.by_fine[c][f] =
+          static_cast<double>(fine.count) * Costs::fine_to_coarse(fine, coarse, coarse.need_max, near(c, f));
     }
   return cost;
 }
-// The cost of making octaves a to b one level, for CrossSearch::cheaper: of the search of this level by its
-// own spheres, and, for each other octave, half of the cost of the search between the two, in the direction
-// that costs less. The other half is counted with the level of the other octave. How crowded the bins of this
-// level are is known then, but not those of the other: it is taken to be a level of its own. `all`: octaves a
-// to b as one.
-double cheaper_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all,
-                    const ProbedDensity& probed, const CrossCosts& alone) {
-  const double size = all.need_max, own = 10;
-  const double several = 8;  // for finding a sphere's level and key, where there is more than one level
-  if (!(size > 0)) return 0;
-  double cost = b + 1 - a < octaves.size() ? several * static_cast<double>(all.count) : 0;
-  for (std::size_t k = 0; k < octaves.size(); k++) {
-    const Summary::Octave& o = octaves[k];
-    const auto count = static_cast<double>(o.count);
-    if (k >= a && k <= b) {
-      double density = 0;
-      for (std::size_t q = a; q <= b; q++)
-        density += density_of(octaves[q], size) * fraction_near(o, octaves[q], size);
-      density = std::max(density, probed.in_bin(a, b, k));
-      cost += count * (own + 5 * row_cost(3 * density));
-      continue;
+// The cost of making octaves a to b one level, for one b: octaves are added from b on, the next finer one
+// each time.
+template <class Costs>
+class LevelCost {
+ public:
+  LevelCost(const Octaves& octaves, std::size_t b, const ProbedDensity& probed, const CrossCosts& alone)
+      : octaves_(octaves), probed_(probed), alone_(alone), b_(b), size_(octaves[b].need_max) {}
+  void add(std::size_t a) {
+    const Summary::Octave& o = octaves_[a];
+    a_ = a, join(all_, o);
+    if (!(size_ > 0)) return;
+    const double density = density_of(o, size_);
+    for (std::size_t k = 0; k <= b_; k++) density_[k] += density * fraction_near(octaves_[k], o, size_);
+    for (std::size_t k = b_ + 1; k < octaves_.size(); k++) by_fine_[k] += alone_.by_fine[k][a];
+    for (std::size_t k = 0; k < a; k++) by_coarse_[k] += alone_.by_coarse[a][k];
+  }
+  // The search of the level by its own spheres. Grows with each octave.
+  double own() const {
+    if (!(size_ > 0)) return 0;
+    double cost = 0;
+    for (std::size_t k = a_; k <= b_; k++)
+      cost += static_cast<double>(octaves_[k].count) *
+              Costs::own_level(probed_.in_bin(a_, b_, k).clamped(density_[k]));
+    return cost;
+  }
+  // For each other octave, half of the cost of the search between the two. The other half is counted with the
+  // level of the other octave. How crowded the bins of this level are is known, but not those of the other:
+  // it is taken to be a level of its own.
+  double cross() const {
+    if (!(size_ > 0)) return 0;
+    double cost = 0;
+    for (std::size_t k = 0; k < octaves_.size(); k++) {
+      if (k >= a_ && k <= b_) continue;
+      const Summary::Octave& o = octaves_[k];
+      const auto count = static_cast<double>(o.count);
+      const double density = probed_.in_bin(a_, b_, k).clamped(density_of(all_, size_)),
+                   by_coarse =
+                       k < a_ ? by_coarse_[k] : count * Costs::coarse_to_fine(o, all_, size_, density),
+                   by_fine = k > b_ ? by_fine_[k] : count * Costs::fine_to_coarse(o, all_, size_, density);
+      cost += (Costs::kMuchCheaper * by_fine < by_coarse ? by_fine : by_coarse) / 2;
     }
-    double other_way = 0;
-    for (std::size_t q = a; q <= b; q++) other_way += k > b ? alone.by_fine[k][q] : alone.by_coarse[q][k];
-    const double each =
-        (k > b ? coarse_to_fine_cost : fine_to_coarse_cost)(o, all, size, probed.in_bin(a, b, k));
-    cost += std::min(count * each, other_way) / 2;
+    return cost;
   }
-  return cost;
-}
 
-// The cost of making octaves a to b one level, in pair tests on a GPU, for the two fixed directions: of the
-// search within the level, and of the search between it and others. Finding a row of bins costs as much as
-// some pair tests. `density`: in bins of the size that the level needs.
-
-// The bins along each axis that a sphere searches in a level with bins of this size. It is of the level, or
-// of a finer one.
-double bins_searched(const Summary::Octave& o, double size) { return 2 + (size > 0 ? o.need_max / size : 1); }
-double cube(double x) { return x * x * x; }
-// The spheres of the level search half of their neighbourhood. Each finer octave in the level makes it
-// dearer.
-double own_cost(const Octaves& octaves, std::size_t a, std::size_t b, const BinDensity& density, bool up) {
-  const double rows = up ? 12 : 25;
-  double cost = 0;
-  for (std::size_t k = a; k <= b; k++) {
-    const double wide = up ? bins_searched(octaves[k], octaves[b].need_max) : 3;
-    cost += static_cast<double>(octaves[k].count) * (rows + density.seen_by(k) * cube(wide) / 2);
-  }
-  return cost;
-}
-// fine_to_coarse (up): each finer sphere also searches 2 to 3 bins of this level along each axis.
-// coarse_to_fine: each coarser sphere that is near the level searches every row of bins near it. There a row
-// costs 4 tests, and a test 4 times as much as elsewhere. The finer ones search where that costs less than
-// half (detect/cuda/search/level_pairs.cu). `all`: the level's octaves as one; `alone`: the density of each
-// octave in bins of its own.
-double cross_cost(const Octaves& octaves, std::size_t a, std::size_t b, const Summary::Octave& all,
-                  const BinDensity& density, const double (&alone)[kMaxLevels], bool up) {
-  const double finer_rows = 18, coarser_row = 4, coarser_test = 4, size = all.need_max,
-               per_size = size > 0 ? 1 / size : 0;
-  double cost = 0;
-  for (std::size_t k = 0; k < a && up; k++)
-    cost += static_cast<double>(octaves[k].count) *
-            (finer_rows + density.seen_by(k) * cube(bins_searched(octaves[k], size)));
-  for (std::size_t k = b + 1; k < octaves.size() && !up; k++) {
-    const Summary::Octave& o = octaves[k];
-    double wide[3];  // bins along each axis within the search radius, of those that exist
-    for (int c = 0; c < 3; c++)
-      wide[c] = size > 0 ? 2 + per_size * std::min(0.75 * o.need_max, all.high[c] - all.low[c] + size) : 3;
-    const double reach = o.radius_max + all.radius_max,
-                 by_coarse = static_cast<double>(o.count) * fraction_near(o, all, reach) * wide[1] * wide[2] *
-                             (coarser_row + coarser_test * density.seen_by(k) * wide[0] / 2),
-                 by_fine = static_cast<double>(all.count) * fraction_near(all, o, reach) *
-                           (finer_rows + 27 * alone[k]);
-    cost += std::min(by_coarse, 2 * by_fine);
-  }
-  return cost;
-}
+ private:
+  const Octaves& octaves_;
+  const ProbedDensity& probed_;
+  const CrossCosts& alone_;
+  std::size_t a_ = 0, b_;
+  double size_;
+  Summary::Octave all_;  // octaves a to b as one
+  // In bins of this level, near octave k <= b; sums over octaves a to b of the costs with octave k.
+  double density_[kMaxLevels] = {}, by_fine_[kMaxLevels] = {}, by_coarse_[kMaxLevels] = {};
+};
 
 // Would a level of this octave, with so many spheres, have more than 8 bins for each of them?
 bool is_sparse(const Summary::Octave& o, std::uint64_t count) {
@@ -306,36 +291,21 @@ SizeGroups groups_of(const Summary& s, const std::vector<Run>& runs) {
 
 // The partition of the octaves into levels that costs least. Dynamic programming over the octaves taken.
 // Returns the first octave of each level.
-std::vector<std::size_t> cheapest(const Octaves& octaves, std::uint64_t count, CrossSearch cross_search,
-                                  const ProbedDensity& probed) {
-  const bool down = cross_search == CrossSearch::coarse_to_fine;
+template <class Costs>
+std::vector<std::size_t> cheapest(const Octaves& octaves, std::uint64_t count, const ProbedDensity& probed) {
   const std::size_t n = octaves.size();
-  // Each level costs something, even if it has only a few spheres. A faster kernel searches a single level,
-  // so a few larger spheres are not worth a second one.
-  const double level = down ? 0.02 * static_cast<double>(count) : 0,
-               single = down ? -4 * static_cast<double>(count) : 0;
+  const CrossCosts cross = cross_costs<Costs>(octaves, probed);
+  const double single = Costs::kSingle * static_cast<double>(count);
   double best[kMaxLevels + 1] = {};
   std::size_t from[kMaxLevels + 1] = {};
-  const bool cheaper = cross_search == CrossSearch::cheaper;
-  const CrossCosts cross = cheaper ? cross_costs(octaves, probed) : CrossCosts();
-  double alone[kMaxLevels];
-  for (std::size_t k = 0; k < n; k++) alone[k] = density_of(octaves[k], octaves[k].need_max);
   for (std::size_t b = 0; b < n; b++) {
     best[b + 1] = INFINITY;
-    BinDensity density(octaves, b, probed);
-    Summary::Octave all;
+    LevelCost<Costs> level(octaves, b, probed, cross);
     for (std::size_t a = b + 1; a-- > 0;) {
-      join(all, octaves[a]);
-      double cost;
-      if (cheaper) {
-        cost = cheaper_cost(octaves, a, b, all, probed, cross);
-      } else {
-        density.add(a);
-        cost = own_cost(octaves, a, b, density, !down);
-        if (cost + single >= best[b + 1]) break;  // the more so with still finer octaves
-        cost += cross_cost(octaves, a, b, all, density, alone, !down);
-      }
-      cost += best[a] + level + (a == 0 && b + 1 == n ? single : 0);
+      level.add(a);
+      const double own = level.own();
+      if (own + single >= best[b + 1]) break;  // the more so with still finer octaves
+      const double cost = best[a] + own + level.cross() + (a == 0 && b + 1 == n ? single : 0);
       if (cost < best[b + 1]) best[b + 1] = cost, from[b + 1] = a;
     }
   }
@@ -357,17 +327,25 @@ Summary::Octave joined(const Summary& s, const Run& run) {
   return all;
 }
 
-std::vector<Run> divide_into_levels(const Summary& s, CrossSearch cross_search) {
+std::vector<LevelRun> divide_into_levels(const Summary& s, Processor processor) {
   const Summary near = gathered(s);
   const std::vector<Run> runs = populated(near);
   Octaves octaves;
   for (const Run& run : runs) octaves.push_back(joined(near, run));
-  const std::vector<std::size_t> begins =
-      cheapest(octaves, s.count, cross_search, ProbedDensity(s, groups_of(s, runs)));
-  std::vector<Run> levels;
+  const ProbedDensity probed(s, groups_of(s, runs));
+  const std::vector<std::size_t> begins = processor == Processor::gpu
+                                              ? cheapest<GpuCosts>(octaves, s.count, probed)
+                                              : cheapest<CpuCosts>(octaves, s.count, probed);
+  std::vector<LevelRun> levels;
   for (std::size_t level = 0; level < begins.size(); level++) {
-    const std::size_t end = level + 1 < begins.size() ? begins[level + 1] : runs.size();
-    levels.push_back({runs[begins[level]].finest, runs[end - 1].coarsest});
+    const std::size_t begin = begins[level],
+                      last = (level + 1 < begins.size() ? begins[level + 1] : runs.size()) - 1;
+    double sum = 0, count = 0;
+    for (std::size_t k = begin; k <= last; k++) {
+      const auto of_octave = static_cast<double>(octaves[k].count);
+      sum += of_octave * probed.in_bin(begin, last, k).least, count += of_octave;
+    }
+    levels.push_back({{runs[begin].finest, runs[last].coarsest}, sum / count});
   }
   return levels;
 }
@@ -376,11 +354,11 @@ SizeGroups size_groups(const Summary& s) { return groups_of(s, populated(gathere
 
 double coarse_to_fine_cost(const Level& from, const Level& at, double probed) {
   const TwoOctaves two = as_octaves(from, at);
-  return coarse_to_fine_cost(two.from, two.at, at.size, probed);
+  return CpuCosts::coarse_to_fine(two.from, two.at, at.size, std::max(density_of(two.at, at.size), probed));
 }
 double fine_to_coarse_cost(const Level& from, const Level& at, double probed) {
   const TwoOctaves two = as_octaves(from, at);
-  return fine_to_coarse_cost(two.from, two.at, at.size, probed);
+  return CpuCosts::fine_to_coarse(two.from, two.at, at.size, std::max(density_of(two.at, at.size), probed));
 }
 
 }  // namespace padder::detect

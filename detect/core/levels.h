@@ -17,6 +17,9 @@ Summary::Octave joined(const Summary& s, const Run& run);  // as one octave
 double density_of(const Summary::Octave& o, double size);
 
 // The levels that cost least, from the finest. `s` holds spheres, and its octaves are known.
-std::vector<Run> divide_into_levels(const Summary& s, CrossSearch cross_search);
+struct LevelRun : Run {
+  double density;  // spheres in a bin near others of the level, as probes say; 0 where they say nothing
+};
+std::vector<LevelRun> divide_into_levels(const Summary& s, Processor processor);
 
 }  // namespace padder::detect

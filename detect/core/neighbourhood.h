@@ -5,6 +5,7 @@
 #pragma once
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "detect/core/grid.h"
 
@@ -32,32 +33,37 @@ PADDER_HD double chebyshev_distance(const Sphere& a, const Sphere& b) {
 // others, the probes. Bounds do not tell that: fine grains may lie in one heap among boulders that are spread
 // widely. A level with bins for both would have the heap in a few bins.
 struct Neighbourhood {
-  static constexpr std::uint32_t kProbes = 128, kTargets = 1024;
+  static constexpr std::uint32_t kFewTargets = 1024, kManyTargets = 4096, kTargetsOfProbe = 8;
   SizeGroups groups;
+  std::uint32_t targets = 0;
   std::uint32_t probes[kMaxLevels] = {};
   // Of a probe's group, a target's group, and the first of the groups' distances that is not exceeded.
   std::uint32_t pairs[kMaxLevels][kMaxLevels][kMaxLevels] = {};
 };
 // The input is cut into parts, and one sphere is taken from each, anywhere, because the input may have an
 // order of its own. A part for targets has so many spheres, one for probes eight times as many. It has at
-// least 64: counting must not take longer than the call. It goes in steps, so that mostly the same spheres
-// are taken where a few come or go. Spheres behind the last whole part are in none.
-inline constexpr std::uint32_t kPartsOfProbe = Neighbourhood::kTargets / Neighbourhood::kProbes;
-PADDER_HD std::uint32_t part_of_targets(std::uint64_t spheres) {
-  std::uint64_t part = spheres / Neighbourhood::kTargets + 1;
+// least 64, or 16: counting must not take longer than the call. It goes in steps, so that mostly the same
+// spheres are taken where a few come or go. Spheres behind the last whole part are in none.
+//
+// Few where each call counts: on a CPU, and for a stable order. Many where a GPU keeps its levels.
+enum class Draw { few, many };
+PADDER_HD std::uint32_t part_of_targets(std::uint64_t spheres, Draw draw) {
+  const bool many = draw == Draw::many;
+  const std::uint32_t least = many ? 16 : 64;
+  std::uint64_t part = spheres / (many ? Neighbourhood::kManyTargets : Neighbourhood::kFewTargets) + 1;
   int shift = 0;
   while (part >> shift >= 16) shift++;
   if (shift > 0) part = ((part >> shift) + 1) << shift;
-  return part < 64 ? 64 : static_cast<std::uint32_t>(part);
+  return part < least ? least : static_cast<std::uint32_t>(part);
 }
-PADDER_HD std::uint32_t part_of_probes(std::uint64_t spheres) {
-  return kPartsOfProbe * part_of_targets(spheres);
+PADDER_HD std::uint32_t part_of_probes(std::uint64_t spheres, Draw draw) {
+  return Neighbourhood::kTargetsOfProbe * part_of_targets(spheres, draw);
 }
-PADDER_HD std::uint32_t targets_of(std::uint64_t spheres) {
-  return static_cast<std::uint32_t>(spheres / part_of_targets(spheres));
+PADDER_HD std::uint32_t targets_of(std::uint64_t spheres, Draw draw) {
+  return static_cast<std::uint32_t>(spheres / part_of_targets(spheres, draw));
 }
-PADDER_HD std::uint32_t probes_of(std::uint64_t spheres) {
-  return static_cast<std::uint32_t>(spheres / part_of_probes(spheres));
+PADDER_HD std::uint32_t probes_of(std::uint64_t spheres, Draw draw) {
+  return static_cast<std::uint32_t>(spheres / part_of_probes(spheres, draw));
 }
 // The sphere that is taken from part number k.
 PADDER_HD std::uint32_t drawn_at(std::uint32_t k, std::uint32_t part) {
@@ -69,24 +75,23 @@ PADDER_HD std::uint32_t drawn_at(std::uint32_t k, std::uint32_t part) {
 SizeGroups size_groups(const Summary& s);
 // Host code. Summary::near; at(k) is sphere number k.
 template <class SphereAt>
-std::shared_ptr<const Neighbourhood> probe_neighbourhood(const Summary& s, const SphereAt& at) {
+std::shared_ptr<const Neighbourhood> probe_neighbourhood(const Summary& s, const SphereAt& at,
+                                                         Draw draw = Draw::few) {
   const auto made = std::make_shared<Neighbourhood>();
   Neighbourhood& n = *made;
   const SizeGroups groups = n.groups = size_groups(s);
   const auto group_of = [&](const Sphere& p) { return groups.of_octave[octave_of(groups.top, need_of(p))]; };
-  const std::uint32_t probes = probes_of(s.count), targets = targets_of(s.count),
-                      part = part_of_targets(s.count);
-  double x[Neighbourhood::kTargets], y[Neighbourhood::kTargets], z[Neighbourhood::kTargets],
-      distance[Neighbourhood::kTargets];
-  std::uint8_t group[Neighbourhood::kTargets];
-  std::uint32_t number[Neighbourhood::kTargets];
+  const std::uint32_t probes = probes_of(s.count, draw), targets = n.targets = targets_of(s.count, draw);
+  std::vector<double> x(targets), y(targets), z(targets), distance(targets);
+  std::vector<std::uint8_t> group(targets);
+  std::vector<std::uint32_t> number(targets);
   for (std::uint32_t k = 0; k < targets; k++) {
-    const Sphere p = at(number[k] = drawn_at(k, part));
+    const Sphere p = at(number[k] = drawn_at(k, part_of_targets(s.count, draw)));
     x[k] = p.x, y[k] = p.y, z[k] = p.z, group[k] = group_of(p);
   }
   const double farthest = groups.within[groups.count - 1];
   for (std::uint32_t q = 0; q < probes; q++) {
-    const std::uint32_t own = drawn_at(q, kPartsOfProbe * part);
+    const std::uint32_t own = drawn_at(q, part_of_probes(s.count, draw));
     const Sphere probe = at(own);
     const std::uint8_t of_probe = group_of(probe);
     n.probes[of_probe]++;
@@ -107,7 +112,7 @@ class ProbedDensity {
     known_ = near_ && near_->groups.count == octaves.count &&
              std::equal(octaves.of_octave, octaves.of_octave + kOctaves, near_->groups.of_octave);
     if (!known_) return;
-    weight_ = static_cast<double>(s.count) / std::max(targets_of(s.count), 1u);
+    weight_ = static_cast<double>(s.count) / std::max(near_->targets, 1u);
     const auto n = static_cast<std::size_t>(octaves.count);
     for (std::size_t i = 0; i < n; i++)
       for (std::size_t k = 0; k < n; k++)
@@ -115,17 +120,22 @@ class ProbedDensity {
           upto_[i][k][d] = near_->pairs[i][k][d] + (k ? upto_[i][k - 1][d] : 0) +
                            (d ? upto_[i][k][d - 1] : 0) - (k && d ? upto_[i][k - 1][d - 1] : 0);
   }
-  // The mean number of spheres of groups a to b, at least, in the bins for group b that are near spheres of
-  // group `seen_by`; 0 if probes found none. Within 1.5 bins of a sphere there are 27; a coarser sphere
-  // sees as many of its own size. Probes may find some by chance: two deviations do not count.
-  double in_bin(std::size_t a, std::size_t b, std::size_t seen_by) const {
-    if (!known_) return 0;
+  // The mean number of spheres of groups a to b in the bins for group b that are near spheres of group
+  // `seen_by`, as probes say: 0 and infinity where they say nothing. Within 1.5 bins of a sphere there are
+  // 27; a coarser sphere sees as many of its own size. What chance may add is left out: two deviations, and
+  // three where it may have left some out.
+  struct Bounds {
+    double least = 0, most = INFINITY;
+    double clamped(double estimate) const { return std::clamp(estimate, least, most); }
+  };
+  Bounds in_bin(std::size_t a, std::size_t b, std::size_t seen_by) const {
+    if (!known_ || near_->probes[seen_by] == 0) return {};
     const std::size_t at = std::max(b, seen_by);
     const double found = upto_[seen_by][b][at] - (a ? upto_[seen_by][a - 1][at] : 0),
-                 sure = found - 2 * std::sqrt(found) - 2;
-    if (sure <= 0) return 0;
-    const double wide = 3 * near_->groups.within[at] / near_->groups.within[b];
-    return sure / near_->probes[seen_by] * weight_ / (wide * wide * wide);
+                 deviation = std::sqrt(found) + 1,
+                 wide = 3 * near_->groups.within[at] / near_->groups.within[b],
+                 each = weight_ / (near_->probes[seen_by] * wide * wide * wide);
+    return {each * std::max(found - 2 * deviation, 0.0), each * (found + 3 * deviation)};
   }
 
  private:
@@ -148,7 +158,7 @@ class ProbedLevels {
     double sum = 0, probes = 0;
     for (std::size_t k = groups_[seen_by].first; near_ && k <= groups_[seen_by].last; k++) {
       const double of_group = near_->probes[k];
-      if (of_group > 0) sum += of_group * probed_.in_bin(groups_[at].first, groups_[at].last, k);
+      if (of_group > 0) sum += of_group * probed_.in_bin(groups_[at].first, groups_[at].last, k).least;
       probes += of_group;
     }
     return probes > 0 ? sum / probes : 0;

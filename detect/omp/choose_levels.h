@@ -11,7 +11,7 @@
 namespace padder::detect::omp {
 
 inline Grid choose_levels(const Summary& summary, double bin_size) {
-  return with_rings(choose_grid(summary, bin_size, 8, CrossSearch::cheaper));
+  return with_rings(choose_grid(summary, bin_size, 8, Processor::cpu));
 }
 
 // Of some spheres of a level, the pairs that share a bucket although they lie in different bins.

@@ -130,8 +130,8 @@ Summary SphereSearch::survey(const DeviceSpheres& source, const Call& call) {
 // the spheres alone, whatever was detected before.
 Grid SphereSearch::best_grid(const Call& call, const Summary& summary, GridBounds bounds) const {
   const bool stable = call.options.order == Order::stable;
-  return choose_grid(summary, call.options.bin_size, spread_ && !stable ? 0 : kBinsASphere,
-                     CrossSearch::coarse_to_fine, stable ? GridBounds::stepped : bounds);
+  return choose_grid(summary, call.options.bin_size, spread_ && !stable ? 0 : kBinsASphere, Processor::gpu,
+                     stable ? GridBounds::stepped : bounds);
 }
 
 // After a pass with grid_, of which summary_ was found: may the contacts be taken? Chooses the grid of the
@@ -213,7 +213,8 @@ void SphereSearch::survey_as_searched(const DeviceSpheres& source, const Call& c
   }
   rounded_ = searched.rounded, radius_of_all_ = searched.radius_of_all;
   std::ranges::copy(searched.origin, origin_);
-  summary_.near = tools_.surveyor.neighbourhood(searched, summary_, call.stream);
+  const Draw draw = call.options.order == Order::stable ? Draw::few : Draw::many;
+  summary_.near = tools_.surveyor.neighbourhood(searched, summary_, draw, call.stream);
   set_growth(call.options);
 }
 
@@ -307,8 +308,9 @@ Ordered SphereSearch::enqueue_order(const Plan& plan, Tools& tools, cudaStream_t
                                                .keep = plan.with_survey && plan.keeps});
   // Beside the search: the host alone asks for what the probes find.
   if (plan.probes())
-    tools.probing.fork(
-        stream, [&](cudaStream_t beside) { tools.surveyor.probe(plan.searched(), plan.groups, beside); });
+    tools.probing.fork(stream, [&](cudaStream_t beside) {
+      tools.surveyor.probe(plan.searched(), plan.groups, Draw::few, beside);
+    });
   clock.mark(3);
   return spheres;
 }
@@ -388,7 +390,8 @@ struct SphereSearch::Steps {
     if (!s.tools_.surveyor.finish(s.plan_.searched(), s.plan_.octaves, s.plan_.top, s.plan_.along(),
                                   s.summary_))
       return Trial::differs;
-    s.summary_.near = s.plan_.probes() ? s.tools_.surveyor.probed(s.plan_.groups) : previous.near;
+    s.summary_.near =
+        s.plan_.probes() ? s.tools_.surveyor.probed(s.plan_.groups, source.count, Draw::few) : previous.near;
     // A sphere that no float can hold need not be faulty.
     if (s.rounded_ && s.summary_.first_fault != ~std::uint64_t(0)) return Trial::differs;
     s.set_growth(call.options);

@@ -162,14 +162,14 @@ __global__ void __launch_bounds__(kThreads) exponent_kernel(DeviceSpheres source
 
 // Counts for Summary::near: probes of each group, then pairs of each two groups and distance. A thread has a
 // probe, a block some targets. The report that brings the counts to the host clears them.
-constexpr int kProbes = Neighbourhood::kProbes, kBlockTargets = 8,
-              kProbeBlocks = Neighbourhood::kTargets / kBlockTargets;
+constexpr int kProbes = 128, kBlockTargets = 8;  // of a block
 __host__ __device__ constexpr int probe_counts(int groups) { return groups + groups * groups * groups; }
 constexpr int kMostCounts = probe_counts(kMaxLevels);
 static_assert(sizeof(SizeGroups) / 4 <= kProbes);
-__global__ void __launch_bounds__(kProbes)
+// 32 registers a thread: with 40 its blocks find no room beside those of the search, which then waits.
+__global__ void __launch_bounds__(kProbes, 16)
     probe_kernel(const __grid_constant__ DeviceSpheres source, const __grid_constant__ SizeGroups given,
-                 std::uint32_t* sums) {
+                 Draw draw, std::uint32_t* sums) {
   __shared__ std::uint32_t counts[kMostCounts];
   __shared__ Sphere target[kBlockTargets];
   __shared__ std::uint32_t target_number[kBlockTargets];
@@ -183,16 +183,17 @@ __global__ void __launch_bounds__(kProbes)
     words[threadIdx.x] = reinterpret_cast<const std::uint32_t*>(&given)[threadIdx.x];
   __syncthreads();
   const auto group_of = [&](const Sphere& s) { return groups.of_octave[octave_of(groups.top, need_of(s))]; };
-  const std::uint32_t targets = targets_of(source.count), probes = probes_of(source.count),
+  const std::uint32_t targets = targets_of(source.count, draw), probes = probes_of(source.count, draw),
                       begin = blockIdx.x * kBlockTargets,
                       some = targets > begin ? min(targets - begin, kBlockTargets) : 0;
   if (threadIdx.x < some) {
-    const std::uint32_t number = drawn_at(begin + threadIdx.x, part_of_targets(source.count));
+    const std::uint32_t number = drawn_at(begin + threadIdx.x, part_of_targets(source.count, draw));
     const Sphere s = source.searched(number);
     target[threadIdx.x] = s, target_number[threadIdx.x] = number, target_group[threadIdx.x] = group_of(s);
   }
-  const bool has_probe = threadIdx.x < probes;
-  const std::uint32_t number = has_probe ? drawn_at(threadIdx.x, part_of_probes(source.count)) : 0;
+  const std::uint32_t mine = blockIdx.y * kProbes + threadIdx.x;
+  const bool has_probe = mine < probes;
+  const std::uint32_t number = has_probe ? drawn_at(mine, part_of_probes(source.count, draw)) : 0;
   const Sphere probe = source.searched(number);
   const int group = group_of(probe);
   __syncthreads();
@@ -295,8 +296,13 @@ bool Surveyor::finish(const DeviceSpheres& source, bool octaves, int top, bool a
   return true;
 }
 
-void Surveyor::probe(const DeviceSpheres& source, const SizeGroups& groups, cudaStream_t stream) {
-  probe_kernel<<<kProbeBlocks, kProbes, 0, stream>>>(source, groups, probes_.data());
+void Surveyor::probe(const DeviceSpheres& source, const SizeGroups& groups, Draw draw, cudaStream_t stream) {
+  const auto blocks = [](std::uint32_t all, std::uint32_t of_block) {
+    return (all + of_block - 1) / of_block;
+  };
+  const std::uint32_t targets = targets_of(source.count, draw), probes = probes_of(source.count, draw);
+  const dim3 grid(blocks(std::max(targets, 1u), kBlockTargets), blocks(std::max(probes, 1u), kProbes));
+  probe_kernel<<<grid, kProbes, 0, stream>>>(source, groups, draw, probes_.data());
   cuda_launched("survey the spheres");
 }
 
@@ -305,10 +311,11 @@ void Surveyor::read_probes(const SizeGroups& groups, Report& report) {
   report.add_and_clear(probes_.data(), host_probes_.data(), words * sizeof(Word));
 }
 
-std::shared_ptr<const Neighbourhood> Surveyor::probed(const SizeGroups& groups) const {
+std::shared_ptr<const Neighbourhood> Surveyor::probed(const SizeGroups& groups, std::uint32_t spheres,
+                                                      Draw draw) const {
   const auto made = std::make_shared<Neighbourhood>();
   Neighbourhood& n = *made;
-  n.groups = groups;
+  n.groups = groups, n.targets = targets_of(spheres, draw);
   const std::uint32_t* count = host_probes_.data();
   for (int i = 0; i < groups.count; i++) n.probes[i] = *count++;
   for (int i = 0; i < groups.count; i++)
@@ -318,7 +325,7 @@ std::shared_ptr<const Neighbourhood> Surveyor::probed(const SizeGroups& groups) 
 }
 
 std::shared_ptr<const Neighbourhood> Surveyor::neighbourhood(const DeviceSpheres& source, const Summary& s,
-                                                             cudaStream_t stream) {
+                                                             Draw draw, cudaStream_t stream) {
   if (!s.octaves_known) return {};
   if (!probes_.data()) {
     constexpr std::uint64_t kCounts = kMostCounts + 1;  // whole words of 8 bytes are read
@@ -330,10 +337,10 @@ std::shared_ptr<const Neighbourhood> Surveyor::neighbourhood(const DeviceSpheres
   const SizeGroups groups = size_groups(s);
   read_probes(groups, report);
   report.expect();
-  probe(source, groups, stream);
+  probe(source, groups, draw, stream);
   report.send(stream);
   report.arrived(stream, "survey the spheres");
-  return probed(groups);
+  return probed(groups, source.count, draw);
 }
 
 // Finds Summary::above, for sizes that differ by more than kOctaves octaves.

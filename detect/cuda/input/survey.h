@@ -33,14 +33,15 @@ class Surveyor {
                              cudaStream_t stream);
   void read(const DeviceSpheres& source, bool octaves, bool along, Report& report);
   // Summary::near; waits for the device.
-  std::shared_ptr<const Neighbourhood> neighbourhood(const DeviceSpheres& source, const Summary& s,
+  std::shared_ptr<const Neighbourhood> neighbourhood(const DeviceSpheres& source, const Summary& s, Draw draw,
                                                      cudaStream_t stream);
   // The same in steps that do not wait, once neighbourhood() has been called, for spheres that are expected
   // to have these groups. probe() counts; read_probes() lets the report bring the counts to the host;
   // probed() is what they say once the stream has been waited for.
-  void probe(const DeviceSpheres& source, const SizeGroups& groups, cudaStream_t stream);
+  void probe(const DeviceSpheres& source, const SizeGroups& groups, Draw draw, cudaStream_t stream);
   void read_probes(const SizeGroups& groups, Report& report);
-  std::shared_ptr<const Neighbourhood> probed(const SizeGroups& groups) const;
+  std::shared_ptr<const Neighbourhood> probed(const SizeGroups& groups, std::uint32_t spheres,
+                                              Draw draw) const;
   // `above`: Summary::above, by which `top` is lower than the largest need's exponent.
   bool finish(const DeviceSpheres& source, bool octaves, int top, bool along, Summary& summary,
               int above = 0) const;

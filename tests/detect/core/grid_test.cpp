@@ -183,8 +183,8 @@ TEST(Grid, CoversIsTrueOnlyWhereEverySphereHasAPlace) {
     std::vector<Sphere> spheres =
         random_scene(300, round % 3 ? 50 : 1, 1, static_cast<std::uint32_t>(random())).spheres;
     const Summary before = summary_of(spheres);
-    const Grid g = choose_grid(before, 0, 8, CrossSearch::coarse_to_fine,
-                               round % 2 ? GridBounds::wide : GridBounds::tight);
+    const Grid g =
+        choose_grid(before, 0, 8, Processor::gpu, round % 2 ? GridBounds::wide : GridBounds::tight);
     EXPECT_TRUE(covers(g, before));
     const double step = std::pow(10, 2 * signed_unit(random));
     for (Sphere& s : spheres) s.x += step * signed_unit(random), s.y += step * signed_unit(random);
@@ -220,7 +220,7 @@ TEST(Grid, SteppedGridsStayWhileSpheresTremble) {
     std::vector<Sphere> moved = spheres;
     for (Sphere& s : moved)
       for (double* x : {&s.x, &s.y, &s.z}) *x += 0.2 * s.r * (unit(random) - 0.5);
-    const Grid g = choose_grid(summary_of(moved), 0, 8, CrossSearch::coarse_to_fine, GridBounds::stepped);
+    const Grid g = choose_grid(summary_of(moved), 0, 8, Processor::gpu, GridBounds::stepped);
     ASSERT_GT(g.levels, 2);
     changes += frame > 0 && !(g == before);
     before = g;
@@ -233,12 +233,11 @@ TEST(Grid, EverySphereFitsItsLevel) {
     TestScene scene = random_scene(3000, ratio, 2, 77);
     scene.spheres.push_back({1e25, 0, 0, 1});
     scene.spheres.push_back({0, 0, 0, 0});
-    for (const CrossSearch cross_search :
-         {CrossSearch::fine_to_coarse, CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+    for (const Processor processor : {Processor::cpu, Processor::gpu}) {
       Summary summary = summary_of(scene.spheres);
       for (const double grown_by : {0.0, 5.0}) {
         summary.grown_by = grown_by;
-        const Grid g = choose_grid(summary, 0, 8, cross_search);
+        const Grid g = choose_grid(summary, 0, 8, processor);
         ASSERT_LE(g.levels, kMaxLevels);
         for (const Sphere& s : scene.spheres) {
           const Level& l = g.level[level_of(g, s)];
@@ -292,7 +291,7 @@ TEST(Grid, HashedLevelsOfALayerAreBounded) {
       spheres.push_back({1100 * unit(random), height, 1100 * unit(random),
                          std::min(100., std::pow(unit(random), -1 / 2.4))});
     const Summary s = summary_of(spheres);
-    const Grid g = choose_grid(s, 0, 8, CrossSearch::coarse_to_fine);
+    const Grid g = choose_grid(s, 0, 8, Processor::gpu);
     const Level& l = g.level[0];
     ASSERT_TRUE(l.hashed);
     EXPECT_TRUE(bounded(l, 1));
@@ -319,13 +318,12 @@ TEST(Grid, LongLevelsAreHashedForAGpu) {
     std::vector<Sphere> spheres;
     for (int k = 0; k < 20'000; k++) spheres.push_back({length * k / 20'000, k % 7 * 2.0, k % 5 * 2.0, 1});
     for (const GridBounds bounds : {GridBounds::tight, GridBounds::stepped, GridBounds::wide}) {
-      const Level on_gpu =
-          choose_grid(summary_of(spheres), 0, 400, CrossSearch::coarse_to_fine, bounds).level[0];
+      const Level on_gpu = choose_grid(summary_of(spheres), 0, 400, Processor::gpu, bounds).level[0];
       EXPECT_EQ(on_gpu.hashed, length > 2.0 * kMostFloatBins * 0.95) << length;
       if (!on_gpu.hashed) {
         EXPECT_LE(on_gpu.count[0], kMostFloatBins) << length;
       }
-      EXPECT_FALSE(choose_grid(summary_of(spheres), 0, 400, CrossSearch::cheaper, bounds).level[0].hashed);
+      EXPECT_FALSE(choose_grid(summary_of(spheres), 0, 400, Processor::cpu, bounds).level[0].hashed);
     }
   }
 }
@@ -335,7 +333,7 @@ TEST(Grid, LongLevelsAreHashedForAGpu) {
 TEST(Grid, FewPointsOnALineShareABucket) {
   std::vector<Sphere> points;
   for (int k = 0; k <= 1 << 12; k++) points.push_back({1.5 * k, 1.5 * k, -1.5 * k, 0});
-  const Grid g = choose_grid(summary_of(points), 0, 8, CrossSearch::coarse_to_fine);
+  const Grid g = choose_grid(summary_of(points), 0, 8, Processor::gpu);
   std::map<std::uint32_t, std::size_t> in_bucket;
   std::size_t most = 0;
   for (const Sphere& p : points) {
@@ -353,8 +351,8 @@ TEST(Grid, OneGiantDoesNotCoarsenTheOthers) {
     for (int k = 0; k < 64000; k++)
       spheres.push_back({1.6 * (k % 40), 1.6 * (k / 40 % 40), 1.6 * (k / 1600), 1});
     spheres[777].r = giant;
-    for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
-      const Grid g = choose_grid(summary_of(spheres), 0, 8, cross_search);
+    for (const Processor processor : {Processor::gpu, Processor::cpu}) {
+      const Grid g = choose_grid(summary_of(spheres), 0, 8, processor);
       EXPECT_GT(g.levels, 1) << giant;
       EXPECT_LT(g.level[0].size, 4) << giant;
     }
@@ -389,8 +387,8 @@ TEST(Grid, RadiiThatGrowOutwardsHaveLevelsOfTheirOwn) {
       }
       Summary s = summary_of(spheres);
       s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
-      for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
-        const Grid g = choose_grid(s, 0, 8, cross_search);
+      for (const Processor processor : {Processor::gpu, Processor::cpu}) {
+        const Grid g = choose_grid(s, 0, 8, processor);
         const std::vector<double> met = met_in_bins(g, spheres);
         for (int k = 0; k < g.levels; k++)
           EXPECT_LT(met[static_cast<std::size_t>(k)] / static_cast<double>(g.level[k].spheres), 10)
@@ -408,15 +406,14 @@ TEST(Grid, StraySpheresLeaveTheLevelsOfTheOthers) {
   for (Sphere& s : spheres) s.r = std::pow(1 - unit(random), -0.4), volume += 12 * s.r * s.r * s.r;
   const double edge = std::cbrt(volume);
   for (Sphere& s : spheres) s.x = edge * unit(random), s.y = edge * unit(random), s.z = edge * unit(random);
-  for (const CrossSearch way :
-       {CrossSearch::fine_to_coarse, CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
-    const Grid without = choose_grid(summary_of(spheres), 0, 8, way);
+  for (const Processor processor : {Processor::cpu, Processor::gpu}) {
+    const Grid without = choose_grid(summary_of(spheres), 0, 8, processor);
     ASSERT_GT(without.levels, 2);
     for (const double far : {1e5, 1e9, 4e12})
       for (const std::size_t strays : {1, 30}) {
         std::vector<Sphere> all = spheres;
         for (std::size_t k = 0; k < strays; k++) all[k * 1000].z = -far * (1 - 0.01 * static_cast<double>(k));
-        const Grid g = choose_grid(summary_of(all), 0, 8, way);
+        const Grid g = choose_grid(summary_of(all), 0, 8, processor);
         const std::vector<double> met = met_in_bins(g, all), before = met_in_bins(without, spheres);
         EXPECT_LT(std::accumulate(met.begin(), met.end(), 0.0),
                   1.5 * std::accumulate(before.begin(), before.end(), 0.0))
@@ -437,8 +434,8 @@ TEST(Grid, LoneSpheresOfManySizesDoNotCoarsenAHeap) {
         {2e8 * unit(random), 2e8 * unit(random), 2e8 * unit(random), std::pow(1e6, unit(random))});
   Summary s = summary_of(spheres);
   s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
-  for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
-    const Grid g = choose_grid(s, 0, 8, cross_search);
+  for (const Processor processor : {Processor::gpu, Processor::cpu}) {
+    const Grid g = choose_grid(s, 0, 8, processor);
     EXPECT_LT(met_in_bins(g, spheres)[0] / 20'000, 10) << g.levels << " levels";
   }
 }
@@ -458,11 +455,15 @@ TEST(Grid, AHeapAmongBouldersHasBinsOfItsOwn) {
     strew(10, wide, 100 * ratio), strew(300, wide, ratio), strew(30, wide, 1), strew(60'000, 80, 1);
     std::shuffle(spheres.begin(), spheres.end(), random);
     Summary s = summary_of(spheres);
-    for (const CrossSearch cross_search : {CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
+    const auto bins_of_heap = [&](Processor processor) {
+      const Grid g = choose_grid(s, 0, 8, processor);
+      return g.level[level_of(g, {0, 0, 0, 1})].size;
+    };
+    for (const Processor processor : {Processor::gpu, Processor::cpu}) {
       s.near = nullptr;
-      EXPECT_EQ(choose_grid(s, 0, 8, cross_search).levels, 2) << ratio;
+      EXPECT_GT(bins_of_heap(processor), ratio) << ratio;
       s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
-      EXPECT_EQ(choose_grid(s, 0, 8, cross_search).levels, 3) << ratio;
+      EXPECT_LT(bins_of_heap(processor), 3) << ratio;
     }
     // Probes say how many small spheres are near a small one.
     const SizeGroups& groups = s.near->groups;
@@ -475,8 +476,7 @@ TEST(Grid, AHeapAmongBouldersHasBinsOfItsOwn) {
       for (const Sphere& p : spheres)
         all += p.r == 1 && chebyshev_distance(spheres[k], p) <= groups.within[1];
     }
-    const double near = found / s.near->probes[0] * static_cast<double>(spheres.size()) /
-                        targets_of(spheres.size()),
+    const double near = found / s.near->probes[0] * static_cast<double>(spheres.size()) / s.near->targets,
                  exact = all / small;
     EXPECT_NEAR(near, exact, 0.3 * exact) << ratio;
   }
@@ -496,7 +496,7 @@ TEST(Grid, JoinedOctavesDoNotCoarsenAHeap) {
   ASSERT_GT(std::count_if(s.octave, s.octave + kOctaves, [](const auto& o) { return o.count > 0; }),
             kMaxLevels);
   s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
-  const Grid g = choose_grid(s, 0, 8, CrossSearch::coarse_to_fine);
+  const Grid g = choose_grid(s, 0, 8, Processor::gpu);
   for (const Sphere& p : spheres) {  // what rounds up to the next octave may be alone there
     if (p.r < 15.99) {
       ASSERT_LT(g.level[level_of(g, p)].size, 64);
@@ -514,24 +514,41 @@ TEST(Grid, ProbesOfEvenSpheresSeldomChangeIt) {
     for (Sphere& p : spheres)
       p = {edge * unit(random), edge * unit(random), edge * unit(random), std::pow(ratio, unit(random))};
     Summary s = summary_of(spheres);
-    const Grid without = choose_grid(s, 0, 8, CrossSearch::coarse_to_fine);
+    const Grid without = choose_grid(s, 0, 8, Processor::gpu);
     s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return spheres[k]; });
-    changed += choose_grid(s, 0, 8, CrossSearch::coarse_to_fine) != without;
+    changed += choose_grid(s, 0, 8, Processor::gpu) != without;
   }
-  EXPECT_LE(changed, 2);
+  EXPECT_LE(changed, 4);
+}
+
+// Where spheres are few within their bounds, they are taken to lie about one point, unless probes find that
+// they do not: then no level of their own is worth it.
+TEST(Grid, ProbesTellThatSparseSpheresAreAlone) {
+  std::mt19937_64 random = random_of_new_seed();
+  std::vector<Sphere> spheres;
+  for (int k = 0; k < 100'000; k++)
+    spheres.push_back({1e6 * unit(random), 1e6 * unit(random), 1e6 * unit(random), k % 5 ? 17.0 : 800.0});
+  Summary s = summary_of(spheres);
+  EXPECT_EQ(choose_grid(s, 0, 8, Processor::gpu).levels, 2);
+  s.near = probe_neighbourhood(
+      s, [&](std::uint32_t k) { return spheres[k]; }, Draw::many);
+  EXPECT_EQ(choose_grid(s, 0, 8, Processor::gpu).levels, 1);
 }
 
 TEST(Grid, ProbesAreDifferentSpheres) {
   for (const std::uint64_t n :
        {1ull, 63ull, 64ull, 511ull, 512ull, 5000ull, 65'536ull, 100'000ull, 0xfffffffeull})
-    for (const bool probes : {false, true}) {
-      const std::uint32_t drawn = probes ? probes_of(n) : targets_of(n),
-                          most = probes ? Neighbourhood::kProbes : Neighbourhood::kTargets;
+    for (const auto& [draw, probes] : {std::pair(Draw::few, false), std::pair(Draw::few, true),
+                                       std::pair(Draw::many, false), std::pair(Draw::many, true)}) {
+      const std::uint32_t drawn = probes ? probes_of(n, draw) : targets_of(n, draw),
+                          targets =
+                              draw == Draw::many ? Neighbourhood::kManyTargets : Neighbourhood::kFewTargets,
+                          most = probes ? targets / Neighbourhood::kTargetsOfProbe : targets;
       ASSERT_LE(drawn, most);
       ASSERT_TRUE(n < 65'536 || drawn > most * 7 / 8) << n;
       std::uint32_t last = 0;
       for (std::uint32_t k = 0; k < drawn; k++) {
-        const std::uint32_t at = drawn_at(k, probes ? part_of_probes(n) : part_of_targets(n));
+        const std::uint32_t at = drawn_at(k, probes ? part_of_probes(n, draw) : part_of_targets(n, draw));
         ASSERT_LT(at, n);
         ASSERT_TRUE(k == 0 || at > last) << n << ' ' << k;
         last = at;
@@ -555,9 +572,7 @@ TEST(Grid, AFewSpheresMoreOrLessSeldomChangeIt) {
         std::vector<Sphere> some(spheres.begin(), spheres.end() - static_cast<std::ptrdiff_t>(random() % 20));
         Summary s = summary_of(some);
         if (ratio > 1) s.near = probe_neighbourhood(s, [&](std::uint32_t k) { return some[k]; });
-        const auto grid_of = [&](GridBounds bounds) {
-          return choose_grid(s, 0, 8, CrossSearch::coarse_to_fine, bounds);
-        };
+        const auto grid_of = [&](GridBounds bounds) { return choose_grid(s, 0, 8, Processor::gpu, bounds); };
         const Grid now = grid_of(GridBounds::stepped);
         if (call == 0) before = now, wide = grid_of(GridBounds::wide);
         // Who comes may be the largest of its octave.
@@ -590,9 +605,8 @@ TEST(Grid, MoreOctavesThanLevels) {
     const auto octaves = std::count_if(std::begin(summary.octave), std::end(summary.octave),
                                        [](const Summary::Octave& o) { return o.count > 0; });
     ASSERT_GT(octaves, 1.5 * kMaxLevels);
-    for (const CrossSearch way :
-         {CrossSearch::fine_to_coarse, CrossSearch::coarse_to_fine, CrossSearch::cheaper}) {
-      const Grid g = choose_grid(summary, 0, 8, way);
+    for (const Processor processor : {Processor::cpu, Processor::gpu}) {
+      const Grid g = choose_grid(summary, 0, 8, processor);
       for (const Sphere& s : spheres) ASSERT_LE(need_of(s), g.level[level_of(g, s)].size);
       EXPECT_LT(g.level[g.levels - 1].spheres, 100u) << sigma;
       const std::vector<double> met = met_in_bins(g, spheres);
@@ -607,10 +621,10 @@ TEST(Grid, LevelsThatLookEitherWay) {
   TestScene near = random_scene(20000, 1, 3.5, 5);
   for (std::size_t k = 0; k < near.spheres.size(); k++)
     near.spheres[k].r = k == 7 ? 2.0001 : 1 + static_cast<double>(k % 100) / 100;
-  EXPECT_EQ(choose_grid(summary_of(near.spheres), 0, 8, CrossSearch::cheaper).levels, 1);
+  EXPECT_EQ(choose_grid(summary_of(near.spheres), 0, 8, Processor::cpu).levels, 1);
   TestScene wide = random_scene(20000, 1, 3.5, 6);
   for (std::size_t k = 0; k < wide.spheres.size(); k += 200) wide.spheres[k].r = 30;
-  const Grid g = choose_grid(summary_of(wide.spheres), 0, 8, CrossSearch::cheaper);
+  const Grid g = choose_grid(summary_of(wide.spheres), 0, 8, Processor::cpu);
   ASSERT_EQ(g.levels, 2);
   const Level &fine = g.level[0], &coarse = g.level[1];
   EXPECT_LT(coarse_to_fine_cost(coarse, fine) * static_cast<double>(coarse.spheres),
@@ -654,7 +668,7 @@ TEST(Grid, OfSpheresThatGoOnIsForeseen) {
     return summary_of(moved);
   };
   const auto grid = [](const Summary& s) {
-    return choose_grid(s, 0, 4, CrossSearch::coarse_to_fine, GridBounds::stepped);
+    return choose_grid(s, 0, 4, Processor::gpu, GridBounds::stepped);
   };
   EXPECT_EQ(grid(going_on(at(0, 0.25), at(1, 0.25))), grid(at(2, 0.25)));
   EXPECT_NE(grid(at(1, 0.25)), grid(at(2, 0.25)));

@@ -69,11 +69,13 @@ TEST_F(SurveyOnAGpu, OfPackedFloatsIsThatOfAnyOthers) {
         for (int k = 0; k < 3; k++) ASSERT_TRUE(p.low[k] == a.low[k] && p.high[k] == a.high[k]) << o;
       }
       if (!packed.octaves_known) continue;
-      const auto near = probe_neighbourhood(packed, [&](std::uint32_t k) {
+      const auto sphere = [&](std::uint32_t k) {
         return Sphere{spheres[k].x, spheres[k].y, spheres[k].z, spheres[k].w};
-      });
-      for (int call = 0; call < 2; call++) {  // the second one finds the counts of the first cleared
-        const auto of_gpu = other.neighbourhood(source, packed, nullptr);
+      };
+      for (const Draw draw : {Draw::few, Draw::many, Draw::few}) {  // each finds the counts before cleared
+        const auto near = probe_neighbourhood(packed, sphere, draw);
+        const auto of_gpu = other.neighbourhood(source, packed, draw, nullptr);
+        ASSERT_EQ(of_gpu->targets, near->targets);
         ASSERT_TRUE(of_gpu->groups == near->groups);
         ASSERT_EQ(std::memcmp(of_gpu->probes, near->probes, sizeof near->probes), 0);
         ASSERT_EQ(std::memcmp(of_gpu->pairs, near->pairs, sizeof near->pairs), 0);

@@ -192,7 +192,7 @@ TEST_F(CudaCodes, TheCandidatesOfAHeapInAHashedLevelFitTheQueueOfAWarp) {
   const float low[3] = {0, 0, 0}, high[3] = {3e6f, 3e6f, 3e6f};
   Summary summary = summary_of_box(low, high, 1, 1);
   summary.count = kSpheres;
-  const Grid grid = choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine);
+  const Grid grid = choose_grid(summary, 0, 8, Processor::gpu);
   const FloatBins bins = float_bins(grid, SlotKind::equal, kSpheres);
   ASSERT_TRUE(bins.on);
   ASSERT_TRUE(grid.level[0].hashed);

@@ -112,7 +112,7 @@ TEST(CudaBins, SpheresOfOtherLevelsReachThoseThatTouch) {
     for (int k = 0; k < 40; k++) spheres[10 * k].w = r * std::exp2(1 + 6 * share(random));
     const Summary summary = summary_of(spheres);
     const double bin_size = scene % 3 ? 0 : 2 * r * wider;
-    const Grid grid = choose_grid(summary, bin_size, 1e12, CrossSearch::coarse_to_fine);
+    const Grid grid = choose_grid(summary, bin_size, 1e12, Processor::gpu);
     const LevelBins bins = level_bins(grid, SlotKind::unequal);
     if (!bins.on) continue;
     on++;
@@ -228,7 +228,7 @@ class CudaOrderTest : public testing::TestWithParam<Way> {
     DeviceSpheres source;
     source.centers = given.data(), source.radii = given.data() + 3;
     source.center_stride = source.radius_stride = 4, source.count = count, source.packed = packed;
-    const Grid grid = choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine);
+    const Grid grid = choose_grid(summary, 0, 8, Processor::gpu);
     orderer.bucket_spheres = GetParam().bucket_spheres;
     // Mostly there is a list whose memory serves as work space.
     Buffer<float4> list(book_, "the test");
@@ -439,7 +439,7 @@ TEST_P(CudaOrderTest, BucketsAreKept) {
       spheres[2 * k] = {-4, -4, -4, r}, spheres[2 * k + 1] = {25, 25, 25, r};
     }
     const Summary summary = summary_of(spheres);
-    ASSERT_EQ(choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine).levels > 1, several);
+    ASSERT_EQ(choose_grid(summary, 0, 8, Processor::gpu).levels > 1, several);
     std::uniform_real_distribution<float> step(-0.05f, 0.05f);
     for (const bool along : {true, false}) {
       if (some.left_out()) continue;
@@ -491,7 +491,7 @@ TEST_P(CudaOrderTest, RoundedDoublesAreKeptAndGiven) {
     auto* const counters = reinterpret_cast<Counters*>(head);
     Summary summary = summary_of(floats);
     summary.grown_by = 0x1p-8;
-    const Grid grid = choose_grid(summary, 0, 8, CrossSearch::coarse_to_fine);
+    const Grid grid = choose_grid(summary, 0, 8, Processor::gpu);
     Orderer orderer(book_);
     orderer.bucket_spheres = GetParam().bucket_spheres;
     for (const auto& [packed, known] : {std::pair(true, false), {false, false}, {false, same}}) {
