@@ -36,7 +36,9 @@ TEST_F(BenchUsage, NumbersAreDecimalAndInTheirRange) {
 
 TEST_F(BenchUsage, WhatTheBenchDoesNotReadIsRefused) {
   const std::string stages = "stages --spheres 1000 --repeat 1 --backend omp ";
-  for (const char* option : {"--moving", "--stable", "--history", "--margin 7"}) {
+  EXPECT_EQ(refused(stages + "--stable"),
+            "--stable is for scenes, motions, mixtures and shapes: leave it out");
+  for (const char* option : {"--moving", "--history", "--margin 7"}) {
     const std::string name = std::string(option).substr(0, std::string(option).find(' '));
     EXPECT_EQ(refused(stages + option), name + " is for scenes: leave it out");
   }
@@ -62,6 +64,33 @@ TEST_F(BenchUsage, ASizeThatIsAskedForIsMeasured) {
     EXPECT_TRUE(absent.err.ends_with("choose omp\n")) << absent.err;
     EXPECT_EQ(absent.err.find('\n'), absent.err.size() - 1) << "nothing was measured: " << absent.err;
   }
+}
+
+TEST_F(BenchUsage, RandomScenesComeAgainByTheirSeed) {
+  const auto rows = [&](const std::string& arguments) {
+    const Outcome r = bench(arguments + " --backend omp --threads 1 --repeat 1 --json");
+    EXPECT_EQ(r.code, 0) << r.err;
+    return r.code == 0 ? Json::parse(r.out)["rows"] : Json::array();
+  };
+  const Json three = rows("mixtures --spheres 2000 --seed 7 --count 3"),
+             last = rows("mixtures --spheres 2000 --seed 9 --count 1");
+  ASSERT_EQ(three.size(), 3);
+  ASSERT_EQ(last.size(), 1);
+  for (const char* key : {"seed", "scene", "contacts"}) EXPECT_EQ(three[2][key], last[0][key]);
+  EXPECT_NE(three[0]["scene"], three[1]["scene"]);
+  const Json bodies = rows("shapes --scene mixtures --seed 3 --count 1");
+  ASSERT_EQ(bodies.size(), 2);  // moving, and read anew
+  EXPECT_EQ(bodies[0]["contacts"], bodies[1]["contacts"]);
+}
+
+// As many contacts in each frame as the nine stages find, or it would fail.
+TEST_F(BenchUsage, ScenesInMotionAreMeasured) {
+  const Outcome r = bench("motions --scene poly35 --spheres 500 --backend omp --threads 1 --repeat 1 --json");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json rows = Json::parse(r.out)["rows"];
+  ASSERT_EQ(rows.size(), 9);
+  for (const Json& row : rows) EXPECT_GT(row["seconds_moving_worst"], 0) << row["motion"];
+  EXPECT_TRUE(refused("motions --scene none").starts_with("--scene of motions is one of dense, "));
 }
 
 TEST_F(BenchUsage, WhatIsWrongWithTheLastFileIsSaidFirst) {
