@@ -170,12 +170,13 @@ class LevelCost {
   // it is taken to be a level of its own.
   double cross() const {
     if (!(size_ > 0)) return 0;
+    const double by_bounds = density_of(all_, size_);
     double cost = 0;
     for (std::size_t k = 0; k < octaves_.size(); k++) {
       if (k >= a_ && k <= b_) continue;
       const Summary::Octave& o = octaves_[k];
       const auto count = static_cast<double>(o.count);
-      const double density = probed_.in_bin(a_, b_, k).clamped(density_of(all_, size_)),
+      const double density = probed_.in_bin(a_, b_, k).clamped(by_bounds),
                    by_coarse =
                        k < a_ ? by_coarse_[k] : count * Costs::coarse_to_fine(o, all_, size_, density),
                    by_fine = k > b_ ? by_fine_[k] : count * Costs::fine_to_coarse(o, all_, size_, density);
