@@ -2,6 +2,7 @@
 // What pad() shares with its two ways to make spheres: by depth ratio (pad_by_depth.cpp) and by tolerance
 // (pad_by_tolerance.cpp). Not installed.
 #pragma once
+#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <string>

@@ -219,7 +219,7 @@ bool needs_octaves(const Summary& s);
 // Host code. The summary with all spheres in octave 0 if its octaves were not counted.
 Summary with_octaves(const Summary& s);
 
-// What searches, by whose costs the levels are chosen. A GPU also wants bins in float.
+// Which processor searches: levels are chosen by its costs, and a GPU wants bins in float.
 enum class Processor { cpu, gpu };
 // Host code. The hash of a ring of 2^bits buckets. It spreads boxes, planes and lines of bins evenly.
 struct Hash {

@@ -74,9 +74,10 @@ struct CpuCosts {
   }
 };
 
-// On a GPU. A unit is a tenth of what 27 bins with a sphere in each cost a sphere. Fitted to 247 scenes, each
-// with up to 90 divisions into levels that were timed on an H200 (docs/experiments/levels.md). What each
-// sphere costs anyhow is left out, and so is what a level costs: it is too little.
+// On a GPU. The unit is a tenth of what it costs a sphere to search 27 bins that hold one sphere each. Fitted
+// to 247 scenes, each with up to 90 divisions into levels that were timed on an H200
+// (docs/experiments/levels.md). What a sphere costs in any division is left out. So is what a level costs by
+// itself: with it, levels were chosen worse.
 struct GpuCosts {
   // For each sphere, if there is but one level: a faster kernel searches it.
   static constexpr double kSingle = -1.8;

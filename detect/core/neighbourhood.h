@@ -35,7 +35,7 @@ PADDER_HD double chebyshev_distance(const Sphere& a, const Sphere& b) {
 struct Neighbourhood {
   static constexpr std::uint32_t kFewTargets = 1024, kManyTargets = 4096, kTargetsOfProbe = 8;
   SizeGroups groups;
-  std::uint32_t targets = 0;
+  std::uint32_t targets = 0;  // that were drawn
   std::uint32_t probes[kMaxLevels] = {};
   // Of a probe's group, a target's group, and the first of the groups' distances that is not exceeded.
   std::uint32_t pairs[kMaxLevels][kMaxLevels][kMaxLevels] = {};

@@ -7,7 +7,6 @@
 #include <numbers>
 #include <numeric>
 
-#include "padding/asset/error.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/device.h"
 #include "tools/bench/scenes/shown_spheres.h"
@@ -25,10 +24,6 @@ struct Dice : SplitMix64 {
   double between(double low, double high) { return low + (high - low) * unit(); }
   double by_decades(double low, double high) { return low * std::pow(high / low, unit()); }
   std::size_t one_of(std::size_t count) { return bits() % count; }
-  double normal() {
-    const double u = 1 - unit(), v = unit();
-    return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
-  }
 };
 
 struct Part {
@@ -53,7 +48,7 @@ std::vector<double> radii(std::size_t n, std::string& what, Dice& dice) {
     case 2: {
       const double sigma = dice.between(0.2, 1);
       what += "log-normal " + number(sigma, "%.2g");
-      for (double& v : r) v = std::exp(sigma * dice.normal());
+      for (double& v : r) v = std::exp(sigma * normal(dice));
       break;
     }
     case 3: {
@@ -83,7 +78,7 @@ void place(Part& part, const std::vector<double>& r, double filled, Dice& dice) 
         {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z), static_cast<float>(radius)});
   };
   double u[3];
-  for (double& v : u) v = dice.normal();
+  for (double& v : u) v = normal(dice);
   const double norm = std::hypot(u[0], u[1], u[2]) + 1e-9;
   for (double& v : u) v /= norm;
   const std::size_t kind = dice.one_of(6);
@@ -99,7 +94,7 @@ void place(Part& part, const std::vector<double>& r, double filled, Dice& dice) 
         add(cube * a, cube * b, cube * c, r[k]);
         break;
       case 1: {
-        const double x = dice.normal(), y = dice.normal(), z = dice.normal();
+        const double x = normal(dice), y = normal(dice), z = normal(dice);
         add(0.3 * cube * x, 0.3 * cube * y, 0.3 * cube * z, r[k]);
         break;
       }
@@ -167,7 +162,7 @@ Mixture mixture(std::uint64_t n, std::uint64_t seed) {
       if (would_crowd(part, other)) least = std::max(least, part.wide + other.wide);
     }
     const double far = least + std::max(wide, part.wide) * dice.by_decades(0.03, 30);
-    const double x = dice.normal(), y = dice.normal(), z = dice.normal(), norm = std::hypot(x, y, z) + 1e-9;
+    const double x = normal(dice), y = normal(dice), z = normal(dice), norm = std::hypot(x, y, z) + 1e-9;
     for (FloatSphere& s : part.spheres) {
       if (!before.empty())
         s.x += static_cast<float>(far * x / norm), s.y += static_cast<float>(far * y / norm),
@@ -177,8 +172,7 @@ Mixture mixture(std::uint64_t n, std::uint64_t seed) {
     m.what += (m.what.empty() ? "" : "; ") + part.what;
     before.push_back(std::move(part));
   }
-  for (std::uint64_t k = m.spheres.size(); k-- > 1;)
-    std::swap(m.spheres[k], m.spheres[dice.bits() % (k + 1)]);
+  shuffle(m.spheres, dice);
   return m;
 }
 
@@ -188,10 +182,8 @@ struct Row {
   double seconds = 0, over_dense = 0;
 };
 
-// The processor's time counts on a CPU: other programs change it least.
-double time_of(const Times& t, bool cuda) { return cuda ? t.median : t.processor; }
-
-// A GPU's contacts are checked with the processor's.
+// A GPU's contacts are checked with the processor's. On a CPU its time counts, which other programs change
+// least.
 Row measured(const Settings& s, const Mixture& m, detect::BackendKind backend) {
   const bool cuda = backend == detect::BackendKind::cuda;
   detect::CallOptions o = options_of(s, backend);
@@ -202,7 +194,7 @@ Row measured(const Settings& s, const Mixture& m, detect::BackendKind backend) {
   Row row;
   row.what = m.what, row.contacts = detect_watched(d, shown.input()).count;
   const Times t = timed(d, shown.input(), std::max(s.repeat, cuda ? 15 : 3));
-  row.seconds = time_of(t, cuda);
+  row.seconds = cuda ? t.median : t.processor;
   if (cuda) check_contacts(d, row.contacts, shown.input(), shown.host_input(), {m.what, true});
   return row;
 }

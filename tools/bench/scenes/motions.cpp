@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "padding/asset/error.h"
 #include "tools/bench/bench.h"
 #include "tools/bench/device.h"
 #include "tools/bench/scenes/shown_spheres.h"

@@ -7,7 +7,6 @@
 #include <utility>
 
 namespace padder::bench {
-namespace {
 
 using detect::FloatSphere, detect::SplitMix64;
 using Spheres = std::vector<FloatSphere>;
@@ -16,6 +15,13 @@ double normal(SplitMix64& random) {
   const double u = 1 - random.unit(), v = random.unit();
   return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
 }
+
+void shuffle(Spheres& spheres, SplitMix64& random) {
+  for (std::uint64_t k = spheres.size(); k-- > 1;) std::swap(spheres[k], spheres[random.bits() % (k + 1)]);
+}
+
+namespace {
+
 FloatSphere at(double x, double y, double z, double r = 1) {
   return {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z), static_cast<float>(r)};
 }
@@ -447,7 +453,7 @@ const std::vector<UnevenScene>& uneven_scenes() {
 Spheres uneven_scene(const UnevenScene& scene, std::uint64_t n) {
   SplitMix64 random(12345 + n);
   Spheres s = scene.make(n, random);
-  for (std::uint64_t k = s.size(); k-- > 1;) std::swap(s[k], s[random.bits() % (k + 1)]);
+  shuffle(s, random);
   return s;
 }
 

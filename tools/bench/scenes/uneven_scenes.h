@@ -19,6 +19,9 @@ struct UnevenScene {
 // The first is dense, which the others are compared with.
 const std::vector<UnevenScene>& uneven_scenes();
 
+double normal(detect::SplitMix64& random);  // a normal number, by two of its numbers
+void shuffle(std::vector<detect::FloatSphere>& spheres, detect::SplitMix64& random);
+
 // The scene with n spheres in random order; seed 12345 + n.
 std::vector<detect::FloatSphere> uneven_scene(const UnevenScene& scene, std::uint64_t n);
 
